@@ -74,7 +74,8 @@ class Config:
     basins: tuple[float, ...] = (0.001, 0.005, 0.015, 0.035, 0.06, 0.085, 0.15)  # r at sigma = 2.4
     basin_eps: float = 1e-5
     starts: int = 10_000
-    transient: int = 30
+    scouts: int = 200  # of them
+    settled: int = 30  # periods after which a start is at its attractor
     ramp_ratio: float = 0.05
     eps: tuple[float, ...] = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
     periods: int = 4000  # of a ramp
@@ -170,6 +171,7 @@ def ramped():
 
 
 RAMPED = ramped()
+NEAR = 1e-4  # of an attractor: what is left of a deviation after a third of the periods
 PIECE = 100  # periods of a ramp that are run at once
 
 
@@ -183,21 +185,48 @@ def kind_of(solution, window):
     return 0.0 if np.diff(times)[still].sum() > 0.05 * (window.end - window.start) else 2.0
 
 
+def seen(solution, window):
+    """Kind and state at the end."""
+    return {"kind": kind_of(solution, window), **{f"{s}_end": float(solution[s][-1]) for s in "yvz"}}
+
+
+def after(system, starts, periods):
+    """Kinds and states (n, 3) of many starts, by the last of so many periods."""
+    found = sweep(
+        system, points=dict(zip("yvz", starts.T)), period=2 * sp.pi, transient=periods - 1, periods=1,
+        measures=Function(seen, names=("kind", "y_end", "v_end", "z_end")), rtol=1e-6, progress=False, workers=1,
+    )  # fmt: skip
+    return found["kind"].values, np.column_stack([found[f"{name}_end"].values for name in "yvz"])
+
+
 def basin(ratio, config):
-    """How many starts lead to each kind."""
+    """How many starts lead to each kind.
+
+    The first ones are run for all periods and show the attractors. The others are of the kind of the attractor near
+    which they are after the first third of them; where there is none, they go on to the end.
+    """
     random = np.random.default_rng(3)
-    starts = {"y": random.uniform(-2, 2, config.starts), "v": random.uniform(-3, 3, config.starts)}
+    starts = np.zeros((config.starts, 3))
+    starts[:, 0] = random.uniform(-2, 2, config.starts)
+    starts[:, 1] = random.uniform(-3, 3, config.starts)
     width = config.basin_eps
     system = RAMPED.with_parameters({"eps": width, "beta": width / ratio, "start": 2.4, "rate": 0.0})
-    found = sweep(
-        system, points=starts, start={"z": 0.0}, period=2 * sp.pi, transient=config.transient, periods=1,
-        measures=Function(kind_of), rtol=1e-6, progress=False,
-    )  # fmt: skip
-    kinds = found["kind_of"].values
+    first, early = min(config.scouts, config.starts), config.settled // 3
+    known, ends = after(system, starts[:first], config.settled)
+    kinds, states = after(system, starts[first:], early)
+    distance = np.abs(states[:, None, :2] - ends[None, :, :2]).max(axis=2)
+    nearest = np.argmin(np.where(np.isnan(distance), np.inf, distance), axis=1)
+    there = distance[np.arange(len(states)), nearest] < NEAR
+    kinds = np.where(there, known[nearest], kinds)
+    late = np.flatnonzero(~there & np.isfinite(states).all(axis=1))
+    if late.size:
+        kinds[late], _ = after(system, states[late], config.settled - early)
+    kinds = np.append(known, kinds)
     return {
         "r": ratio,
         "counts": [int((kinds == k).sum()) for k in range(3)],
         "failed": int(np.isnan(kinds).sum()),
+        "late": int(late.size),
     }
 
 
@@ -231,29 +260,31 @@ def ramp(eps, up, config):
 
 
 def run(config):
-    data = {"curves": [part(f"curve {kind} {over}", curve, kind, over, config) for kind, over in config.planes]}
-    data["branches"] = part("branches", branches)
-    data["forces"] = []
-    for found in data["curves"]:
-        r, values = np.array(found["values"])
-        picks = np.unique(np.linspace(1, len(r) - 2, 5).astype(int))
-        for k in picks:
-            exact = part(
-                f"force {found['kind']} {found['over']} {k}",
-                from_force,
-                found["kind"],
-                found["over"],
-                values[k],
-            )
-            data["forces"].append({"kind": found["kind"], "over": found["over"], "value": values[k], "curve": r[k],
-                                   "force": None if exact is None else math.exp(exact)})  # fmt: skip
-    data["basins"] = [part(f"basin {r:g}", basin, r, config) for r in config.basins]
-    data["ramps"] = parts(
-        {f"ramp {e:g} {up}": (ramp, e, up, config) for e in config.eps for up in (True, False)}
+    groups = {
+        "curves": {f"curve {kind} {over}": (curve, kind, over, config) for kind, over in config.planes},
+        "basins": {f"basin {r:g}": (basin, r, config) for r in config.basins},
+        "branches": {"branches": (branches,)},
+        "ramps": {f"ramp {e:g} {up}": (ramp, e, up, config) for e in config.eps for up in (True, False)},
+    }
+    found = iter(parts({name: job for group in groups.values() for name, job in group.items()}))
+    data = {name: [next(found) for _ in group] for name, group in groups.items()}
+    data["branches"] = data["branches"][0]
+    points = []
+    for one in data["curves"]:
+        r, values = one["values"]
+        points += [
+            (one["kind"], one["over"], values[k], r[k]) for k in np.linspace(1, len(r) - 2, 5).astype(int)
+        ]
+    exact = parts(
+        {f"force {kind} {over} {r}": (from_force, kind, over, value) for kind, over, value, r in points}
     )
+    data["forces"] = [
+        {"kind": kind, "over": over, "value": value, "curve": r, "force": None if e is None else math.exp(e)}
+        for (kind, over, value, r), e in zip(points, exact)
+    ]
     data["ramp_ratio"] = config.ramp_ratio
-    data["ends"] = {k: ramp_end(k, config.ramp_ratio) for k in KINDS[:2]}
-    data["slips_to"] = math.exp(from_force("slip only", "sigma", 2.4))
+    data["ends"] = {k: part(f"end {k}", ramp_end, k, config.ramp_ratio) for k in KINDS[:2]}
+    data["slips_to"] = math.exp(part("slips to", from_force, "slip only", "sigma", 2.4))
     return data
 
 
@@ -378,15 +409,23 @@ def verdict(data) -> str:
     )
 
 
+LOOK = {"two sticks": "stick", "one stick": "right", "slip only": "left"}
+DASH = {"two sticks": "-", "one stick": "--", "slip only": ":"}
+
+
 def draw(data):
-    figure = new_figure(11.0, 6.4)
-    (first, second, third), (fourth, fifth, sixth) = figure.subplots(2, 3)
-    look = {"two sticks": "stick", "one stick": "right", "slip only": "left"}
+    return {"": draw_curves(data), "runs": draw_runs(data)}
+
+
+def draw_curves(data):
+    """Curves of captures over both parameters of the drive, and branches to their ends."""
+    figure = new_figure(3.5, 8.2)
+    first, second, third = figure.subplots(3, 1)
     for ax, over in ((first, "sigma"), (second, "omega")):
         for c in data["curves"]:
             if c["over"] == over:
                 r, values = np.array(c["values"])
-                ax.semilogx(r, values, color=COLOUR[look[c["kind"]]], label=c["kind"])
+                ax.semilogx(r, values, DASH[c["kind"]], color=COLOUR[LOOK[c["kind"]]], label=c["kind"])
         at = [f for f in data["forces"] if f["over"] == over and f["force"]]
         ax.plot([f["force"] for f in at], [f["value"] for f in at], "o", color=COLOUR["mark"], markersize=3.5,
                 fillstyle="none", label="from $F_c$ alone")  # fmt: skip
@@ -400,25 +439,32 @@ def draw(data):
     )
     second.legend(fontsize=7, loc="upper left")
     for b in data["branches"]:
-        colour = COLOUR[look[b["kind"]]]
-        third.semilogx(b["r"], b["stick"], "-", color=colour, label=f"{b['kind']}: time stuck")
-        third.semilogx(b["r"], b["multiplier"], "--", color=colour, label="largest multiplier")
+        colour = COLOUR[LOOK[b["kind"]]]
+        width = 1.2 if b["kind"] == "two sticks" else 2.4
+        third.semilogx(b["r"], b["stick"], "-", color=colour, linewidth=width, label=f"{b['kind']}: time stuck")
+        third.semilogx(b["r"], b["multiplier"], "--", color=colour, linewidth=width, label="largest multiplier")
         third.axvline(b["end"], color=colour, linewidth=0.7, linestyle=":")
     third.axhline(1, color=COLOUR["mark"], linewidth=0.7)
-    third.set(xlabel="$r$", title="To their ends, $\\sigma$ = 2.4", ylim=(0, 1.3))
-    third.legend(
-        fontsize=7, loc="center", bbox_to_anchor=(0.6, 0.43), frameon=True, framealpha=1, edgecolor="none"
-    )
+    third.set(xlabel="$r$", title="To their ends, $\\sigma$ = 2.4", ylim=(0, 1.8))
+    third.legend(fontsize=7, loc="upper left")
+    return figure
+
+
+def draw_runs(data):
+    """Basins of smoothed runs, and where slow sweeps change."""
+    figure = new_figure(3.5, 8.2)
+    fourth, fifth, sixth = figure.subplots(3, 1)
     r = np.array([b["r"] for b in data["basins"]])
     for k, kind in enumerate(KINDS):
         counts = np.array([b["counts"][k] for b in data["basins"]])
         number = np.array([sum(b["counts"]) for b in data["basins"]])
         bounds = np.array([wilson(c, n) for c, n in zip(counts, number)]).T
         share = counts / number
-        fourth.errorbar(r, share, [np.maximum(share - bounds[0], 0), np.maximum(bounds[1] - share, 0)], fmt="-o",
-                        color=COLOUR[look[kind]], markersize=3.5, linewidth=0.9, label=kind)  # fmt: skip
+        fourth.errorbar(r, share, [np.maximum(share - bounds[0], 0), np.maximum(bounds[1] - share, 0)],
+                        fmt="-" + "os^"[k], color=COLOUR[LOOK[kind]], markersize=3.5, linewidth=0.9,
+                        label=kind)  # fmt: skip
     for b in data["branches"]:
-        fourth.axvline(b["end"], color=COLOUR[look[b["kind"]]], linewidth=0.7, linestyle=":")
+        fourth.axvline(b["end"], color=COLOUR[LOOK[b["kind"]]], linewidth=0.7, linestyle=":")
     fourth.set(xscale="log", xlabel="$r$", ylabel="share of starts", title="Basins, smoothed, $\\sigma$ = 2.4")
     fourth.legend(fontsize=7, loc="center left")
     shades = dict(
@@ -433,9 +479,11 @@ def draw(data):
                            color=COLOUR[shades[ramp_["eps"]]], markersize=5, fillstyle="none")  # fmt: skip
     for up, kind in ((True, "two sticks"), (False, "one stick")):
         end = data["ends"][kind]
-        fifth.axvline(end, color=COLOUR[look[kind]], linewidth=1, label=f"capture of {kind}")
+        fifth.axvline(
+            end, color=COLOUR[LOOK[kind]], linestyle=DASH[kind], linewidth=1, label=f"capture of {kind}"
+        )
         at = [(x["eps"], abs(x["sigma"] - end)) for x in data["ramps"] if x["up"] == up and x["sigma"]]
-        sixth.loglog(*np.array(at).T, "^-" if up else "v-", color=COLOUR[look[kind]], markersize=5, fillstyle="none",
+        sixth.loglog(*np.array(at).T, "^-" if up else "v-", color=COLOUR[LOOK[kind]], markersize=5, fillstyle="none",
                      label=f"sweep {'up' if up else 'down'}")  # fmt: skip
     fifth.set(yscale="log", xlabel="drive $\\sigma$ at the change", ylabel="$\\varepsilon$",
               title=f"Slow sweeps, $r$ = {data['ramp_ratio']:g}")  # fmt: skip

@@ -241,8 +241,8 @@ def claims(data) -> list[Claim]:
 
 
 def draw(data):
-    figure = new_figure(7.0, 3.6)
-    left, right = figure.subplots(1, 2)
+    figure = new_figure(3.5, 6.6)
+    left, right = figure.subplots(2, 1)
     s2 = np.array(data["s2"])
     left.plot(s2, data["exact"], color=COLOUR["exact"], label="z slaved: exact mean")
     left.plot(s2, data["kramers"], color=COLOUR["exact"], linestyle="--", linewidth=1.0, label="Kramers")

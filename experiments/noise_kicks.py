@@ -221,8 +221,8 @@ def claims(data) -> list[Claim]:
 
 
 def draw(data):
-    figure = new_figure(7.0, 3.9)
-    left, middle, right = figure.subplots(1, 3)
+    figure = new_figure(3.5, 8.6)
+    left, middle, right = figure.subplots(3, 1)
     sizes = np.array(data["sizes"])
     colour = {"uniform": COLOUR["smoothed"], "normal": COLOUR["approximation"]}
     # Open for one law and full for the other, dashed and full lines: told apart in grey.
@@ -274,8 +274,8 @@ def draw(data):
     for eps, mark in marks.items():
         middle.plot([], [], mark, color=COLOUR["mark"], markerfacecolor="none", markersize=4,
                     label=rf"$\varepsilon=\beta={eps}$")  # fmt: skip
-    middle.plot([], [], "x", color=COLOUR["mark"], markersize=5, label="right: z kicked too")
-    figure.legend(*middle.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=7)
+    middle.plot([], [], "x", color=COLOUR["mark"], markersize=5, label="below: z kicked too")
+    figure.legend(*middle.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=7)
     return figure
 
 

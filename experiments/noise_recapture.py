@@ -26,9 +26,10 @@ beyond N, how many half periods have a static peak. For T = 100 to 3000 eps, eps
 Error bars: standard errors of means, over trajectories; of thresholds and exponents, those of weighted lines.
 
 Changed after first runs: the spacings of the two exponents (at T = 10 to 100 eps the local one is 0.7 to 0.8: the
-asymptotic one begins beyond), the distance (20 for 50, beside 4 kappa), the cut-off (short spacings were cut off),
-and the grid of the chain. A fixed 3/2 and another criterion differ in the factor of the threshold, not in the
-exponent 1: for T >> eps only kappa/T is left.
+asymptotic one begins beyond), the distance (20 for 50, beside 4 kappa), the cut-off (short spacings were cut off), and
+the grid of the chain. The oscillator's exponents of departure are held against 1/2 and 1 at 3 standard errors; at 2,
+as they were at first, one of six fails (its deviation stands beside it). A fixed 3/2 and another criterion differ in
+the factor of the threshold, not in the exponent 1: for T >> eps only kappa/T is left.
 
 Usage: python experiments/noise_recapture.py [--fast] [--out DIR] [--draw FILE.json]
 """
@@ -324,12 +325,12 @@ def claims(data) -> list[Claim]:
 
 
 def oscillator_claims(data) -> list[Claim]:
-    told, good = [], True
+    told, off = [], 0.0
     laws = [law for law in LAWS if any(x["law"] == law for x in data["oscillator"])]
     for law in laws:
         both = [exponent(oscillators(data, "departure", law, pick)) for pick in (_fast, _slow)]
         told.append(law + " " + " and ".join(f"{a:.2f} +- {e:.2f}" for a, e in both))
-        good &= all(abs(a - expected) < 3 * e for (a, e), expected in zip(both, (0.5, 1)))
+        off = max(off, *(abs(a - expected) / e for (a, e), expected in zip(both, (0.5, 1))))
     (white,) = [x["departure"] for x in data["oscillator"] if x["law"] == "diffusion"]
     dense = [x for x in data["oscillator"] if x["T"] == min(y["T"] for y in data["oscillator"] if y["T"])]
     intensity = {x["law"]: np.array(x["departure"]) / math.sqrt(x["T"]) for x in dense}
@@ -338,7 +339,8 @@ def oscillator_claims(data) -> list[Claim]:
         claim(
             "oscillator: it departs as without static friction from kappa ~ eps (T/eps)^a on",
             "a = 1/2 for T << eps, 1 for T >> eps, within 3 standard errors",
-            f"T <= {FEW:g} eps and T >= {MANY:g} eps: {'; '.join(told)}", good, "other exponents",
+            f"T <= {FEW:g} eps and T >= {MANY:g} eps: {'; '.join(told)}; off by {off:.2f} standard errors at most",
+            off < 3, "other exponents",
         ),
         claim(
             f"oscillator: at T = {dense[0]['T']:g} eps only the intensity counts for its departure, not the law",
@@ -434,12 +436,14 @@ def verdict(data) -> str:
     )
 
 
+FILL = {"uniform": "none", "normal": "full", "laplace": "bottom"}  # beside the colours, for print in grey
+
+
 def draw(data):
     from matplotlib.ticker import NullFormatter
 
-    figure = new_figure(11.0, 7.0)
-    grid = figure.add_gridspec(2, 6)
-    left, middle, right = (figure.add_subplot(grid[0, 2 * k : 2 * k + 2]) for k in range(3))
+    figure = new_figure(3.5, 8.8)
+    left, middle, right = figure.subplots(3, 1, height_ratios=(1, 1.4, 1))
     colours = {"uniform": COLOUR["smoothed"], "normal": COLOUR["approximation"], "laplace": COLOUR["velocity"]}
     marks = dict(zip(sorted({(x["force"], x["r"]) for x in data["chain"]}), "os^"))
     for x in data["chain"]:
@@ -465,7 +469,9 @@ def draw(data):
     for law, colour in colours.items():
         x = [x for x in data["thresholds"] if x["law"] == law and x["r"] == 1]
         T, sd, e = np.array([[v["T"], v["sd"], v["error"]] for v in x]).T
-        middle.errorbar(T, sd, 2 * e, fmt="o", color=colour, markersize=3.5, linewidth=0.8, label=law)
+        middle.errorbar(
+            T, sd, 2 * e, fmt="o", color=colour, markersize=3.5, linewidth=0.8, fillstyle=FILL[law], label=law
+        )
         for v in x:
             seen = np.array(v["seen"])
             if law == "normal" and v["T"] in (0.1, 3.0, 30.0, 1000.0):
@@ -486,19 +492,20 @@ def draw(data):
     middle.plot(T[T > 1], last["sd"] * T[T > 1] / T[-1], ":", color=COLOUR["mark"], label="$\\propto T$")
     middle.set(xscale="log", yscale="log", xlabel="spacing $T/\\varepsilon$",
                ylabel="standard deviation$/\\varepsilon$", title="As without static friction from here on")  # fmt: skip
-    middle.legend(loc="upper left", fontsize=6.5)
+    middle.legend(loc="upper left", fontsize=7)
     right.axhline(RATIO, color=COLOUR["mark"], linewidth=0.7)
     right.axhline(1, color=COLOUR["mark"], linewidth=0.7)
     right.set(xscale="log", yscale="log", ylim=(0.8, 3), xlabel="standard deviation / threshold",
               ylabel="mean time over that of $\\rho$ = 0", title="Normal kicks")  # fmt: skip
     if right.get_legend_handles_labels()[0]:
         right.legend(fontsize=7)
-    draw_oscillator(data, figure.add_subplot(grid[1, :3]), figure.add_subplot(grid[1, 3:]), colours)
-    return figure
+    return {"": figure, "oscillator": draw_oscillator(data, colours)}
 
 
-def draw_oscillator(data, left, right, colours):
+def draw_oscillator(data, colours):
     """What is seen at one spacing, and the thresholds of the three measures."""
+    figure = new_figure(3.5, 7.4)
+    left, right = figure.subplots(2, 1)
     last = max((x for x in data["oscillator"] if x["law"] == "normal"), key=lambda x: x["T"])
     looks = {"departure": ("o", "-", "exact"), "stuck": ("s", "--", "stick"), "peak": ("^", ":", "left")}
     words = {
@@ -521,28 +528,28 @@ def draw_oscillator(data, left, right, colours):
     )
     left.axhline(RATIO, color=COLOUR["mark"], linewidth=0.7)
     left.axhline(0.1, color=COLOUR["mark"], linewidth=0.7)
-    left.set(xscale="log", yscale="log", ylim=(0.01, 30), xlabel="standard deviation$/\\varepsilon$",
-             title=f"Oscillator, normal kicks, $T = {last['T']:g}\\varepsilon$, "
-                   f"$\\varepsilon$ = {last['eps']:g}")  # fmt: skip
+    left.set(xscale="log", yscale="log", ylim=(0.01, 1000), xlabel="standard deviation$/\\varepsilon$",
+             title=f"Oscillator, $T = {last['T']:g}\\varepsilon$")  # fmt: skip
     left.legend(fontsize=7, loc="upper left")
     for name, (mark, _, _) in looks.items():
         for law, colour in colours.items():
             points = np.array(oscillators(data, name, law, lambda T: T > 0))
             if points.size:
                 right.errorbar(points[:, 0], points[:, 1], 2 * points[:, 2], fmt=mark, color=colour, markersize=4,
-                               fillstyle="none", linewidth=0.8)  # fmt: skip
+                               fillstyle=FILL[law], linewidth=0.8)  # fmt: skip
         right.plot([], [], mark, color=COLOUR["mark"], markersize=4, fillstyle="none",
                    label={"departure": "departs as with $\\rho$ = 0", "stuck": "a tenth of the time stuck",
                           "peak": "half of the peaks"}[name])  # fmt: skip
     for law, colour in colours.items():
-        right.plot([], [], "s", color=colour, markersize=4, label=law)
+        right.plot([], [], "s", color=colour, markersize=4, fillstyle=FILL[law], label=law)
     layer_ = np.array(
         [(x["T"], x["sd"]) for x in data["thresholds"] if x["law"] == "normal" and x["r"] == 1 and x["T"]]
     )
     right.plot(*layer_.T, "-", color=COLOUR["mark"], linewidth=0.9, label="constant force, normal")
     right.set(xscale="log", yscale="log", xlabel="spacing $T/\\varepsilon$", ylabel="standard deviation$/\\varepsilon$",
-              title="Oscillator: without static friction from here on")  # fmt: skip
+              title="Oscillator: as without static friction")  # fmt: skip
     right.legend(fontsize=7, loc="upper left")
+    return figure
 
 
 STUDY = Study(

@@ -40,7 +40,7 @@ import numpy as np
 import sympy as sp
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
-from studytools import Claim, Study, claim, command, part
+from studytools import Claim, Study, claim, command, parts
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
@@ -114,16 +114,21 @@ def system(shape=SHAPES["sin t"], phase=0):
     )
 
 
-def limit(field, values, period):
-    """(A*, how it is lost, z of the orbit nearest to it) by continuation from a small A."""
-    field = field.with_parameters(values)
+def limit(field, values, period, low, high):
+    """(A*, how it is lost, z of the orbit nearest to it) by continuation from a small A to one at which nothing rests.
+
+    Behind the fold the branch is followed back to the small A, no farther.
+    """
+    field = field.with_parameters({**values, A: low})
     transient = int(20 + 30 * float(field.parameters[b]))
     orbit = find_orbit(field, {z: 0.6}, period=period, transient=min(transient, 400))
-    branch = follow(orbit, A, to=12.0, most=60)
-    narrow = np.ptp(branch.values[-10:]) < ROUNDED  # a canard explosion, over which A does not change any more
-    if branch.end.startswith("stopped") and not branch.bifurcations and not narrow:
-        branch = follow(orbit, A, to=12.0, most=500)
-        narrow = np.ptp(branch.values[-10:]) < ROUNDED
+    for most in (60, 120, 500):
+        branch = follow(orbit, A, to=high, most=most)
+        narrow = (
+            np.ptp(branch.values[-10:]) < ROUNDED
+        )  # a canard explosion, over which A does not change any more
+        if branch.bifurcations or narrow or not branch.end.startswith("stopped"):
+            break
     if branch.bifurcations:
         first = branch.bifurcations[0]
         how = "saddle-node" if first.kind == "fold" else "|lam| = 1"
@@ -136,10 +141,39 @@ def limit(field, values, period):
     return float(branch.values.max()), "canard", float(last.x[0])
 
 
+def sine_limit(rho_, b_, phase=0):
+    """`limit` under sin t."""
+    low, high = 0.97 * fold(rho_)[0], 1.1 * fast(rho_, math.sqrt(2))
+    return limit(system(phase=phase), {rho: rho_, b: b_}, sp.pi, low, high)
+
+
 def row(rho_, b_):
     """A* on two sections, half a turn of the force's peak apart."""
-    found = [limit(system(phase=s), {rho: rho_, b: b_}, sp.pi) for s in (0, 3 * sp.pi / 5)]
+    found = [sine_limit(rho_, b_, phase) for phase in (0, 3 * sp.pi / 5)]
     return {"rho": rho_, "b": b_, "A": found[0][0], "how": found[0][1], "bar": abs(found[0][0] - found[1][0])}
+
+
+def line(rho_, log_b):
+    return [row(rho_, float(x)) for x in 10 ** np.linspace(*log_b)]
+
+
+def shaped(name, rho_):
+    """A drive of several tones."""
+    peak, mean = crest(SHAPES[name])
+    law = fast(rho_, peak / mean)
+    low, high = 0.97 * fold(rho_)[0] / peak, 1.1 * law / peak
+    found = limit(system(SHAPES[name]), {rho: rho_, b: 100.0}, 2 * sp.pi, low, high)
+    return {
+        "shape": name, "rho": rho_, "crest": peak / mean, "peak": found[0] * peak, "how": found[1], "law": law,
+    }  # fmt: skip
+
+
+def offset_by(rho_, offset):
+    """The sine beside an offset."""
+    law = offset_law(rho_, offset)
+    low = 0.97 * (fold(rho_)[0] - offset)
+    found = limit(system(), {rho: rho_, b: 100.0, y0: offset}, 2 * sp.pi, low, 1.1 * law)
+    return {"rho": rho_, "offset": offset, "A": found[0], "how": found[1], "law": law}
 
 
 def curves():
@@ -211,8 +245,13 @@ def _gap(a, rho_, b_, steps=2000):
     return float(gap.max())
 
 
-def block_rests(factor, rho_, b_, row_):
-    """Whether the whole block, started at rest on the periodic z, still rests under factor A*."""
+def block_rests(rho_, b_):
+    """Whether the whole block, started at rest on the periodic z, still rests a little below and above A*."""
+    at = sine_limit(rho_, b_)
+    return {"rho": rho_, "b": b_, "rests": [_rests(factor, rho_, b_, at) for factor in (1 - 1e-3, 1 + 1e-3)]}
+
+
+def _rests(factor, rho_, b_, row_):
     k, beta = sp.symbols("k beta", positive=True)
     lam = Switch("lam", v)
     block = System(
@@ -254,44 +293,30 @@ def noise_limits(law, hold, config, rho_=3.0):
 
 
 def run(config):
-    rows = [
-        part(f"rho {q:g}", lambda q=q: [row(q, float(x)) for x in 10 ** np.linspace(*config.log_b)])
-        for q in config.rho
+    noises = [
+        (law, c, h) for law, c in (("uniform", math.sqrt(3)), ("arcsine", math.sqrt(2))) for h in config.holds
     ]
-    data = {"rows": rows, "curves": part("curves", curves)}
+    offsets = [(q, offset) for q in (1.0, 3.0) for offset in config.offsets if offset < fold(q)[0]]
+    groups = {
+        "rows": {f"rho {q:g}": (line, q, config.log_b) for q in config.rho},
+        "plain": {f"plain {q} {x}": (plain_limit, q, x) for q, x in config.plain},
+        "noise": {f"noise {law} {h}": (noise_limits, law, h, config) for law, _, h in noises},
+        "block": {f"block {q} {x}": (block_rests, q, x) for q, x in config.block},
+        "shapes": {f"shape {name} {q}": (shaped, name, q) for name in SHAPES for q in (1.0, 3.0)},
+        "offsets": {f"offset {q} {offset}": (offset_by, q, offset) for q, offset in offsets},
+        "curves": {"curves": (curves,)},
+    }
+    found = iter(parts({name: job for group in groups.values() for name, job in group.items()}))
+    data = {name: [next(found) for _ in group] for name, group in groups.items()}
+    data["curves"] = data["curves"][0]
     data["plain"] = [
-        {"rho": q, "b": x, "plain": part(f"plain {q} {x}", plain_limit, q, x), "followed": row(q, x)["A"],
-         "other": INDEPENDENT.get((q, x))}
-        for q, x in config.plain
-    ]  # fmt: skip
-    data["block"] = []
-    for q, x in config.block:
-        at = limit(system(), {rho: q, b: x}, sp.pi)
-        kept = [block_rests(f, q, x, at) for f in (1 - 1e-3, 1 + 1e-3)]
-        data["block"].append({"rho": q, "b": x, "rests": kept})
-    data["shapes"] = []
-    for name, shape in SHAPES.items():
-        peak, mean = crest(shape)
-        for q in (1.0, 3.0):
-            found = limit(system(shape), {rho: q, b: 100.0}, 2 * sp.pi)
-            data["shapes"].append({
-                "shape": name, "rho": q, "crest": peak / mean, "peak": found[0] * peak, "how": found[1],
-                "law": fast(q, peak / mean),
-            })  # fmt: skip
-    data["offsets"] = []
-    for q in (1.0, 3.0):
-        for offset in config.offsets:
-            if offset >= fold(q)[0]:
-                continue
-            found = limit(system(), {rho: q, b: 100.0, y0: offset}, 2 * sp.pi)
-            data["offsets"].append({"rho": q, "offset": offset, "A": found[0], "how": found[1],
-                                    "law": offset_law(q, offset)})  # fmt: skip
+        {"rho": q, "b": x, "plain": there, "followed": sine_limit(q, x)[0], "other": INDEPENDENT.get((q, x))}
+        for (q, x), there in zip(config.plain, data["plain"])
+    ]
     data["noise"] = [
-        {"law": law, "hold": h, "crest": c, "peaks": part(f"noise {law} {h}", noise_limits, law, h, config),
-         "limit": fast(3.0, c)}
-        for law, c in (("uniform", math.sqrt(3)), ("arcsine", math.sqrt(2)))
-        for h in config.holds
-    ]  # fmt: skip
+        {"law": law, "hold": h, "crest": c, "peaks": peaks, "limit": fast(3.0, c)}
+        for (law, c, h), peaks in zip(noises, data["noise"])
+    ]
     return data
 
 
@@ -428,25 +453,27 @@ def verdict(data) -> str:
 
 
 def draw(data):
-    figure = new_figure(11.0, 3.5)
-    left, middle, right = figure.subplots(1, 3)
+    figure = new_figure(3.5, 8.6)
+    left, middle, right = figure.subplots(3, 1)
     colours = [COLOUR[k] for k in ("velocity", "left", "approximation", "exact", "right", "stick")]
-    for line, colour in zip(data["rows"], colours):
+    dashes = (":", "-", "-.", (0, (8, 2)), "--", (0, (5, 1, 1, 1, 1, 1)))
+    for line, colour, dash in zip(data["rows"], colours, dashes):
         q, x = line[0]["rho"], np.array([r["b"] for r in line])
         mu = fold(q)[0]
         scaled = np.array([r["A"] for r in line]) / mu
-        left.semilogx(x, scaled, color=colour, linewidth=1)
+        left.semilogx(x, scaled, color=colour, linewidth=1, linestyle=dash)
         for how, mark in (("saddle-node", "o"), ("|lam| = 1", "x"), ("canard", ".")):
             at = [i for i, r in enumerate(line) if r["how"] == how]
             left.plot(x[at], scaled[at], mark, color=colour, markersize=3.5, fillstyle="none")
         ends = x[x < 0.2]
         left.plot(ends, [slow(q, s) / mu for s in ends], ":", color=colour, linewidth=2, alpha=0.5)
         left.plot(x[-3:] * 1.7, [fast(q, math.sqrt(2)) / mu] * 3, "-", color=colour, linewidth=2.4, alpha=0.5)
-        left.plot([], [], color=colour, label=f"$\\rho$ = {q:g}")
+        left.plot([], [], color=colour, linestyle=dash, label=f"$\\rho$ = {q:g}")
     for mark, label in (("o", "saddle-node"), ("x", "$|\\lambda|$ = 1"), (".", "canard")):
         left.plot([], [], mark, color=COLOUR["mark"], markersize=4, fillstyle="none", label=label)
     left.set(xlabel="$\\omega\\beta$", ylabel="$A^*/(N\\mu_s)$", title="Largest shaking survived")
-    left.legend(loc="upper left", fontsize=7, ncols=1)
+    left.legend(loc="upper left", fontsize=7, ncols=2)
+    left.set_ylim(0.98, 1.75)
     look = {"saddle-node": ("-", "right"), "|lam| = 1": ("--", "left")}
     for name, curve in data["curves"].items():
         style, colour = look[name]
@@ -459,8 +486,10 @@ def draw(data):
     middle.set(xlabel="$\\rho$", ylabel="$A/N$", title="Both ways, $\\omega\\beta$ = 100")
     middle.legend(fontsize=7)
     crests = np.linspace(1, 2, 101)
-    for q, colour in ((1.0, "left"), (3.0, "right")):
-        right.plot(crests, [fast(q, c) for c in crests], color=COLOUR[colour], label=f"law, $\\rho$ = {q:g}")
+    for q, colour, dash in ((1.0, "left", "--"), (3.0, "right", "-")):
+        right.plot(
+            crests, [fast(q, c) for c in crests], dash, color=COLOUR[colour], label=f"law, $\\rho$ = {q:g}"
+        )
         mine = [s for s in data["shapes"] if s["rho"] == q]
         right.plot([s["crest"] for s in mine], [s["peak"] for s in mine], "o", color=COLOUR[colour], markersize=4,
                    fillstyle="none", label="tones, $\\omega\\beta$ = 100" if q == 3 else None)  # fmt: skip
@@ -474,6 +503,7 @@ def draw(data):
         xlabel="peak / root mean square of the drive", ylabel="largest peak survived, $/N$", title="Any drive"
     )
     right.legend(fontsize=7, loc="upper left")
+    right.set_ylim(None, 4.6)
     return figure
 
 

@@ -158,8 +158,8 @@ def claims(data: dict) -> list[Claim]:
 
 
 def draw(data: dict):
-    fig = new_figure(7.2, 3.2)
-    axes = fig.subplots(1, 2)
+    fig = new_figure(3.5, 6.2)
+    axes = fig.subplots(2, 1)
     rho, force = np.array(data["rho"]), data["force"]
     marks = {"slaved": (COLOUR["stick"], "o"), "relaxing": (COLOUR["left"], "s")}
     for ax, key, label in zip(

@@ -24,7 +24,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from paper_figures import oscillator as osc
 from paper_figures.figure_01 import prescribed
 from paper_figures.figure_02 import contact_coefficient
-from pwsmooth import find_orbit, solve
+from pwsmooth import Switch, System, find_orbit, solve
+from pwsmooth.paths.linearised import linearise
 from pwsmooth.plotting import COLOUR, new_figure
 
 MU_S, LAM_S = 16 / 9, 2 / 3
@@ -121,10 +122,55 @@ def relaxation_in_fast_time(eps=1e-3, beta=0.1):
     gamma = 1 / (1 + 0.3**2)
     rate = (run["z"][-1] - 0.2) / (step * gamma**1.5 / eps)
     return {
+        "slow": float((run["z"][-1] - 0.2) / step),
         "measured": float(rate),
         "printed": (gamma - 0.2) / beta,
         "with_eps": (gamma - 0.2) / beta * eps / gamma**1.5,
     }
+
+
+def lowest_degree():
+    """Lowest degree of an even polynomial gamma with gamma(+-1) = 0 that is not 0 throughout."""
+    lam = sp.Symbol("lam", real=True)
+    for degree in range(6):
+        c = sp.symbols(f"c:{degree + 1}")
+        gamma = sum(value * lam**k for k, value in enumerate(c))
+        wanted = [gamma.subs(lam, 1), gamma.subs(lam, -1), *(value for k, value in enumerate(c) if k % 2)]
+        if any(value != 0 for value in (gamma.subs(one) for one in sp.solve(wanted, c, dict=True))):
+            return degree
+    return None
+
+
+def release(convention, beta=1e-4):
+    """Force (N) at which a contact at rest gives way while the force rises by 1 a unit of time."""
+    t, v, z = osc.t, osc.v, osc.z
+    lam = Switch("lam", v)
+    contact = System(
+        {v: t - lam * (1 + 3 * z), z: (1 - lam**2 - z) / beta}, time=t, convention=convention
+    )  # fmt: skip
+    run = solve(contact, (0, 3), {"v": 0.0, "z": 1.0 if convention == "hidden" else 0.0})
+    return run.event_times("slip")[0]
+
+
+def stiffness(eps):
+    """Largest size of an eigenvalue of the smoothed system in the layer, v = 0.3 eps, and at v = 1."""
+    view = osc.oscillator(beta=0.1).smoothed(eps=eps)
+    line, p = linearise(view.model), np.array(view.parameter_values)
+    return [
+        float(np.abs(np.linalg.eigvals(line.blocks(np.zeros(1), np.array([[0.0], [v], [0.5]]), np.zeros((0, 1)), p)
+                                       .f_w[0])).max())
+        for v in (0.3 * eps, 1.0)
+    ]  # fmt: skip
+
+
+def touching():
+    """v' on either side of v = 0 where rest at y = 0 touches the sticking boundary, sigma = N mu_s: at pi/2, 3 pi/2."""
+    found = {}
+    for name, at in (("pi/2", math.pi / 2), ("3 pi/2", 1.5 * math.pi)):
+        for side, slip in (("right", 1), ("left", -1)):
+            run = solve(osc.oscillator(sigma=MU_S), (at, at + 1e-9), {"y": 0.0, "v": slip * 1e-6, "z": 0.0})
+            found[f"{side}, {name}"] = float((run["v"][-1] - slip * 1e-6) / (run.t[-1] - at))
+    return found
 
 
 def rank(view, start):
@@ -169,6 +215,10 @@ def run(config):
         "betas": config.betas,
         "hysteresis": [hysteresis(beta) for beta in config.betas],
         "misprints": misprints(),
+        "degree": lowest_degree(),
+        "release": {convention: release(convention) for convention in ("hidden", "filippov")},
+        "stiffness": {str(eps): stiffness(eps) for eps in (1e-2, 1e-3, 1e-4)},
+        "touching": touching(),
         "fast_time": relaxation_in_fast_time(),
     }
 
@@ -187,7 +237,7 @@ def claims(data):
     far = data["expansion"]
     edges = {float(z): edge for z, edge in data["edges"].items()}
     path, wrong = np.array(data["stick_path"]), data["misprints"]
-    time = data["fast_time"]
+    time, stiff, touch = data["fast_time"], data["stiffness"], data["touching"]
     stick, slip = data["rank"]["stick"], data["rank"]["slip"]
     return [
         said("Lambda = u/sqrt(1 + u^2) gives (10) with p = 3/2", "3/2 at every u",
@@ -238,6 +288,33 @@ def claims(data):
              f"z' = {time['measured']:.4g} in a run (eps = 0.001, beta = 0.1)",
              abs(time["measured"] / time["printed"] - 1) < 0.01,
              "a factor eps/gamma^p is missing, which (36) has: z stands still", "(21)"),
+        said("(24): beta z' = gamma - z, with the prime of the fast time", f"z' = {time['printed']:.4g}",
+             f"z' = {time['measured']:.4g} in that run, and dz/dt = {time['slow']:.4g}",
+             abs(time["measured"] / time["printed"] - 1) < 0.01,
+             "a slip of notation: it is the derivative by t that is (gamma - z)/beta", "(24)"),
+        said("to produce peaks gamma, even and 0 at lam = +-1, is at least of quadratic order", "2",
+             f"{data['degree']}, by the coefficients of polynomials", data["degree"] == 2, "another order",
+             "section 5"),
+        said("event detection as it is common neglects the hidden terms", "static friction is lost",
+             f"with the convex combination of both sides rest gives way at {data['release']['filippov']:.5f} N, with "
+             f"the hidden term at {data['release']['hidden']:.5f} N",
+             abs(data["release"]["filippov"] - 1) < 1e-3 and abs(data["release"]["hidden"] - MU_S) < 0.01,
+             "it is kept", "section 7"),
+        said("the smoothed system is stiff near |v| <= eps for small eps", "eigenvalues of order 1/eps",
+             "; ".join(f"eps = {eps}: {inside:.4g} at v = 0.3 eps, {outside:.3g} at v = 1"
+                       for eps, (inside, outside) in stiff.items()),
+             np.ptp([float(eps) * inside for eps, (inside, _) in stiff.items()]) < 0.05
+             and all(float(eps) * inside > 1 and outside < 20 for eps, (inside, outside) in stiff.items()),
+             "it is not", "section 8"),
+        said("corollary: there right slip has v' = 0 at t = pi/(2 omega)", "0",
+             ", ".join(f"{value:.4f} ({name})" for name, value in touch.items() if name.endswith(", pi/2")),
+             abs(touch["right, pi/2"]) < 1e-3,
+             "v' of slip vanishes where |k y - q''| = N; on the boundary of nonlinear sticking it is lam that has no "
+             "root any more", "appendix B"),
+        said("corollary: there right slip has v' = 0 at t = 3 pi/(2 omega)", "0",
+             ", ".join(f"{value:.4f} ({name})" for name, value in touch.items() if name.endswith(", 3 pi/2")),
+             abs(touch["right, 3 pi/2"]) < 1e-3, "nor does that of left slip, which is meant by symmetry",
+             "appendix B"),
         said("proof of proposition 3: d Lambda/du = Gamma", f"{wrong['proof 3']['printed']:.4f} at u = 1",
              f"{wrong['proof 3']['slope']:.4f}", abs(wrong["proof 3"]["slope"] - wrong["proof 3"]["printed"]) < 1e-9,
              "it is Gamma^p; its sign, which the proof needs, is the same", "section 7"),
@@ -249,8 +326,8 @@ def claims(data):
 
 def draw(data):
     """Peaks over rho, the path of a stick, hysteresis over beta."""
-    figure = new_figure(6.8, 2.7)
-    left, middle, right = figure.subplots(1, 3)
+    figure = new_figure(3.5, 7.4)
+    left, middle, right = figure.subplots(3, 1)
     u = np.linspace(0, 6, 601)
     for rho, shade, dash in zip((1.0, 1.5, 2.0), ("#4292C6", "#08519C", "#08204A"), (":", "--", "-")):
         left.plot(u, contact_coefficient(u, rho), dash, color=shade, label=rf"$\rho={rho:g}$")

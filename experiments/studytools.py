@@ -18,7 +18,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from benchtools import provenance, write_json
 
 from pwsmooth import plotting
 from pwsmooth.claims import Claim, counted
+from pwsmooth.paths.interrupts import SECONDS, processes
 from pwsmooth.results.files import write_whole
 
 __all__ = ["Claim", "Study", "claim", "command", "part", "parts"]
@@ -118,7 +119,7 @@ def _spent() -> dict[str, float]:
 
 
 def _keep(name: str, value: Any) -> None:
-    _parts[name] = plain(value)
+    _parts[name] = value
     _parts["spent"] = _spent()
     for file in _parts_file:
         write_json(file, _parts)
@@ -130,21 +131,36 @@ def part(name: str, function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def parts(cases: Mapping[str, tuple[Any, ...]], workers: int | None = None) -> list[Any]:
-    """Parts that do not know of one another: name -> (function, *arguments); in threads, one a core, as compiled
-    loops run without Python's lock."""
+    """Parts that do not know of one another: name -> (function, *arguments); in processes, one a core.
+
+    What is in the cases has to be importable from where it stands, as processes begin with nothing.
+    """
     missing = [name for name in cases if name not in _parts]
-    if workers == 1:
+    if workers == 1 or len(missing) < 2:
         for name in missing:
-            _keep(name, cases[name][0](*cases[name][1:]))
-    else:
-        with ThreadPoolExecutor(workers or os.cpu_count()) as pool:
-            running = {pool.submit(*cases[name]): name for name in missing}
-            try:
-                for done in as_completed(running):
-                    _keep(running[done], done.result())
-            finally:
-                pool.shutdown(cancel_futures=True)
+            _keep(name, plain(cases[name][0](*cases[name][1:])))
+        return [_parts[name] for name in cases]
+    with processes(min(workers or os.cpu_count() or 1, len(missing))) as (pool, look):
+        running = {pool.submit(_measured, *cases[name]): name for name in missing}
+        left = set(running)
+        while left:
+            done, left = wait(left, SECONDS, return_when=FIRST_COMPLETED)
+            for one in done:
+                value, cpu = one.result()
+                _began["cpu"] -= cpu
+                _keep(running[one], value)
+            look()
     return [_parts[name] for name in cases]
+
+
+_imported: list[bool] = []
+
+
+def _measured(function: Callable[..., Any], *arguments: Any) -> tuple[Any, float]:
+    """In a process of its own: function(*arguments) as plain data, and the processor time since what came before it."""
+    since = time.process_time() if _imported else 0.0  # the first part pays for the imports
+    _imported.append(True)
+    return plain(function(*arguments)), time.process_time() - since
 
 
 def _resume(file: Path, begun: dict) -> None:

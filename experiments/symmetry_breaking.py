@@ -139,8 +139,8 @@ def claims(data):
 
 def draw(data):
     """Multipliers and asymmetry over sigma."""
-    figure = new_figure(7.2, 3.1)
-    left, right = figure.subplots(1, 2)
+    figure = new_figure(3.5, 6.2)
+    left, right = figure.subplots(2, 1)
     at = data["breaking"][-1]["sigma"]
     symmetric, pair, settled = data["symmetric"], data["pair"], data["settled"]
     left.plot(

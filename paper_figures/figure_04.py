@@ -53,6 +53,13 @@ def claims():
     ]
     low = [greatest(rho) for rho in (0.1, 0.4, 0.5)]
     slope = sp.diff(GAMMA, LAM).subs(LAM, three.lam_s)
+    lam_s = float(three.lam_s)
+    place = lam_s / math.sqrt(1 - lam_s**2)  # v/eps of the algebraic sigmoid
+    by_speed = 3 * 2 * place / (1 + place**2) ** 2 * lam_s**2 / 1e-3  # -rho (d gamma/dv) lam_s^2 at eps = 0.001
+    zeta = np.linspace(-1, 1, 2001)
+    growth = -N * (1 + 3 * (1 - 3 * zeta**2))  # d lam'/d lam at rho = 3
+    repelled = zeta[(growth > 0) & (np.abs(zeta) < max(1, lam_s))]
+    kept = growth[np.abs(zeta) < min(1, lam_s)].max()
     return [
         Claim(
             "lam_s = sqrt((1 + rho)/(3 rho)); at rho = 3",
@@ -72,9 +79,10 @@ def claims():
         ),
         Claim(
             "(17): mu_s = -rho (d gamma/dv) lam_s^2",
-            "derivative by v",
-            f"derivative by lam: {-3 * slope * three.lam_s**2}",
-            False,
+            f"mu_s = {three.mu_s}",
+            f"{by_speed:.4f} with the algebraic sigmoid at eps = 0.001, of order 1/eps; with the derivative by lam "
+            f"{-3 * slope * three.lam_s**2}",
+            abs(by_speed - float(three.mu_s)) < 1e-3,
             "d gamma/dv is infinite on v = 0; with d gamma/d lam the formula is the fold's height",
             **solid_friction("(17)"),
         ),
@@ -90,8 +98,10 @@ def claims():
         Claim(
             "appendix B: attracting for |zeta| < max(1, lam_s)",
             "max(1, lam_s)",
-            "min(1, lam_s)",
-            False,
+            f"at rho = 3 d lam'/d lam is {growth.max():.3g} at |zeta| = {abs(zeta[np.argmax(growth)]):.3g}, repelling "
+            + (f"from {np.abs(repelled).min():.3f} on" if repelled.size else "nowhere")
+            + f"; for |zeta| < min(1, lam_s) it is {kept:.1e} at most",
+            not repelled.size,
             "the source's own proof gives min: for lam_s < 1 the branch beyond the fold is of saddle type",
             **solid_friction("appendix B, proposition 5"),
         ),

@@ -28,13 +28,14 @@ def claims(orbit):
     times = dict((id(s), times) for s, times in pieces(orbit, 4001))
     during = orbit(times[id(stick)], "mu")
     slipping = [np.abs(orbit(times[id(s)], "mu")).max() for s in orbit.segments if s.status[0] == -1]
-    first = during[0]
+    first, height = during[0], during.max()
+    sticks, crossings = len(osc.sticks(orbit)), len(orbit.event_times("crossing"))
     return [
         Claim(
             "the spikes' height is mu_s of (17)",
             "16/9 = 1.77778",
-            f"{during.max():.5f}, reached at lam = {orbit(stick.end - 1e-12, 'lam'):.4f}",
-            False,
+            f"{height:.5f}, reached at lam = {orbit(stick.end - 1e-12, 'lam'):.4f}",
+            abs(height - osc.MU_S) < 0.01,
             "at frozen z there is no fold: sticking ends at lam = 1, after z has run away within O(beta)",
             **solid_friction("section 6, figure 7"),
         ),
@@ -57,8 +58,8 @@ def claims(orbit):
         Claim(
             "the characteristic has peaks at both ends (sketch)",
             "two spikes",
-            f"{len(osc.sticks(orbit))} stick a period, {len(orbit.event_times('crossing'))} crossing",
-            False,
+            f"{sticks} stick a period, {crossings} crossing",
+            sticks == 2,
             "for eps << beta it sticks once a period and crosses directly once; the mirror image coexists",
             **solid_friction("section 6, figure 7"),
         ),

@@ -36,7 +36,7 @@ def claims(orbit, relaxing):
             "one stick, one crossing",
             f"{len(visits)} equal stays in |v| <= eps, of {', '.join(f'{d:.3f}' for _, d in visits)}; "
             f"|y(t) + y(t + pi)| <= {symmetric:.1e}",
-            False,
+            sorted(d > 0.5 * max(d for _, d in visits) for _, d in visits) == [False, True],
             f"eps = beta gives the symmetric orbit; eps -> 0 at beta = 0.1 gives {len(one)} stick a period, "
             f"of {one[0].duration:.3f}, and a direct crossing",
             **solid_friction("section 8, figure 8"),

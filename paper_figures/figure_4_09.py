@@ -111,5 +111,5 @@ def draw(fast):
         v, force = (runs[rate, lag](cycle, name) for name in ("velocity", "force"))
         direction_arrows(right, v, force, (0.35, 0.8), colour=colour)
     right.set(xlim=(0, 25.5), ylim=(0.9, 2.1))
-    right.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, handlelength=1.5, columnspacing=0.8)
+    figure.legend(*right.get_legend_handles_labels(), loc="outside lower right", ncols=2, handlelength=1.5)
     return figure, claims(runs)

@@ -77,5 +77,5 @@ def draw(fast):
     right.plot(other(cycle, "velocity"), other(cycle, "force"), ":", color=COLOUR["mark"],
                label="10 Hz, $\\tau_d$ = 0.02 s,\nsymmetric start")  # fmt: skip
     right.set(xlim=(-10.5, 10.5), ylim=(-2.1, 2.1))
-    right.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, handlelength=1.5, columnspacing=0.8)
+    figure.legend(*right.get_legend_handles_labels(), loc="outside lower right", ncols=2, handlelength=1.5)
     return figure, claims(runs)

@@ -54,6 +54,20 @@ def curves():
     return found
 
 
+def _stiffness(speed):
+    """(indentation, force over its power 3/2) of the new law at rest in the deepest point of an elastic impact."""
+    law = LiuImpact(E_star=composite_modulus(207e9, 0.3), clearance=CLEARANCE, c_r=1.0)
+    _, p, _, force = contact_curves(free_impact(law, speed=speed, t_span=(0, 4e-3)), atol=[1e-17, 1e-14, 1e-14])
+    deepest = p.argmax()
+    return p[deepest], force[deepest] / p[deepest] ** 1.5
+
+
+def _falls(stiff):
+    """How K falls between two indentations, over how 1/sqrt(c + delta) does."""
+    (p, K), (q, L) = stiff
+    return L / K * ((CLEARANCE + q) / (CLEARANCE + p)) ** 0.5
+
+
 def claims(found):
     """What the source says of the curves, and the closed form of the depth."""
     off = {key: abs(-v[-1] / SPEED / key[1] - 1) for key, (_, v, _) in found.items()}
@@ -65,6 +79,7 @@ def claims(found):
     shown = "; ".join(
         f"{name} " + ", ".join(f"{off[name, c]:.1%}" for c in RESTITUTIONS) for name in (*listed, "Flores")
     )
+    stiff = [_stiffness(v) for v in (0.01, SPEED)]
     hertz = max(abs(-found["Hertz", c][1][-1] / SPEED - 1) for c in RESTITUTIONS)
     return [
         Claim(
@@ -91,6 +106,15 @@ def claims(found):
             hertz < 1e-6,
             "energy is lost",
             **IDENTITY,
+        ),
+        Claim(
+            "the stiffness K_i depends on the indentation",
+            "it does",
+            "; ".join(f"{K:.5g} N/m^1.5 at {1e6 * p:.3g} um" for p, K in stiff)
+            + f"; as 1/sqrt(c + delta) within {abs(_falls(stiff) - 1):.0e}",
+            stiff[1][1] < 0.999 * stiff[0][1] and abs(_falls(stiff) - 1) < 1e-6,
+            "it is constant",
+            **clearance_joint("section 5"),
         ),
         Claim.number(
             "largest indentation of Lankarani-Nikravesh, c_r = 0.5, against the closed form (um)",

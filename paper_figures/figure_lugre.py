@@ -195,13 +195,12 @@ def claims(slow, belt, ideal, lags, peaks, hunt, drifts):
     found.append(
         Claim("(c) the lag's loop grows with the frequency", "it grows", text, grows, "it does not", **EXPECTED)
     )
-    text, falls = ", ".join(f"{p:.3f}" for p in peaks) + " N", peaks == sorted(peaks, reverse=True)
     found.append(
         Claim(
             "(d) the break-away force falls with the rate",
             "F_s towards F_c",
-            text,
-            falls,
+            ", ".join(f"{p:.3f}" for p in peaks) + " N",
+            peaks == sorted(peaks, reverse=True),
             "it rises",
             **EXPECTED,
         )

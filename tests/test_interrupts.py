@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -105,6 +108,47 @@ def test_a_result_is_waited_for_until_ctrl_c_and_no_process_is_left():
 def test_processes_do_not_hear_it():
     with processes(1) as (pool, look):
         assert result(pool.submit(press), look) is None
+
+
+KILLED = """
+import multiprocessing, time
+from pwsmooth.paths.interrupts import processes
+
+if __name__ == "__main__":
+    with processes(2) as (pool, look):
+        running = [pool.submit(time.sleep, 600) for _ in range(2)]
+        while sum(one.running() for one in running) < 2 or len(multiprocessing.active_children()) < 2:
+            time.sleep(0.05)
+        pool.submit(abs, 1)
+        print(*(process.pid for process in multiprocessing.active_children()), flush=True)
+        time.sleep(600)
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no such signal here")
+def test_processes_end_with_a_parent_that_is_killed(tmp_path):
+    (tmp_path / "killed.py").write_text(KILLED)
+    parent = subprocess.Popen(
+        [sys.executable, "killed.py"], cwd=tmp_path, stdout=subprocess.PIPE, text=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+    )  # fmt: skip
+    children = [int(pid) for pid in parent.stdout.readline().split()]
+    parent.kill()
+    parent.wait()
+    parent.stdout.close()
+
+    def alive(pid):
+        try:
+            os.kill(pid, 0)
+        except ProcessLookupError:
+            return False
+        return True
+
+    for _ in range(300):
+        if not any(map(alive, children)):
+            break
+        time.sleep(0.1)
+    assert len(children) == 2 and not any(map(alive, children))
 
 
 def test_a_diagram_through_processes_is_interrupted_and_taken_up_again(tmp_path):

@@ -36,15 +36,18 @@ def instants_of_time(
             when = every * np.arange(
                 first, min(np.floor(t1 / every) + 1, first + min(most, MOST_STEPS) + 2) + 1
             )
-        when = np.unique(when[(when > t0) & (when <= t1)])
+        when = when[(when > t0) & (when <= t1)]
+        if not (np.diff(when) > 0).all():  # what `every` gives is in order already
+            when = np.unique(when)
         instants.append(when)
         owners.append(np.full(len(when), i))
     when, which = np.concatenate(instants), np.concatenate(owners)
-    order = np.argsort(when, kind="stable")
-    when, which = when[order], which[order]
-    if when.size:
-        # 3*0.1 and 0.3 are one instant; several roundings apart they are two.
-        near = np.diff(when) <= 4 * np.spacing(np.abs(when[1:]))
+    if not (np.diff(when) > 0).all():
+        order = np.argsort(when, kind="stable")
+        when, which = when[order], which[order]
+    # 3*0.1 and 0.3 are one instant; several roundings apart they are two.
+    near = np.diff(when) <= 4 * np.spacing(np.abs(when[1:]))
+    if near.any():
         merged = np.maximum.accumulate(np.where(np.append(False, near), 0, np.arange(len(when))))
         when = when[merged]
     return when, which

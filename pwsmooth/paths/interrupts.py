@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
+import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -84,13 +85,26 @@ class _Context(SpawnContext):
     Process = _Process
 
 
+def _begin() -> None:
+    """What a process of a pool does first: it ignores SIGINT where that cannot be blocked, and ends with its parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # A parent that is killed closes no pipe that its processes hold as well: they would wait for work for ever.
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
 @contextlib.contextmanager
 def processes(number: int) -> Iterator[tuple[ProcessPoolExecutor, Look]]:
     """A pool of processes that Ctrl-C does not reach; those that still work at the end of the block are ended."""
     context = _Context()  # not forked: compiled code has threads
     others = {*multiprocessing.active_children()}
-    ignore = signal.signal, (signal.SIGINT, signal.SIG_IGN)  # where it cannot be blocked
-    with noted() as look, ProcessPoolExecutor(number, context, *ignore) as pool:
+    with noted() as look, ProcessPoolExecutor(number, context, _begin) as pool:
         try:
             yield pool, look
         finally:

@@ -144,12 +144,16 @@ def _conflicts(model, fired, p) -> list[Ambiguity]:
     What kernels/instant/firing.py records on the event-driven path.
     """
     found = []
+    if not any(one[0] == other[0] for one, other in itertools.pairwise(fired)):
+        return found  # as of a hundred thousand kicks
     for (when, before), group in itertools.groupby(fired, key=lambda event: (event[0], event[2].tobytes())):
         indices = [event[1] for event in group]
+        if len(indices) < 2:
+            continue
         values = dict(zip(model.states, np.frombuffer(before)))
         point = {model.time: when} | dict(zip(model.parameters, p)) | values
         writes: dict[int, set] = {}
-        for i in indices if len(indices) > 1 else ():
+        for i in indices:
             for k, e, adds in model.events[i].writes(model.states):
                 if not (adds and value(e, point) == 0):
                     writes.setdefault(k, set()).add(None if adds else value(e, point))

@@ -193,9 +193,9 @@ def integrate(
                 for i in range(k)
                 if run.degree[i] >= 0
             ]
-        events += [
-            (float(run.event_t[i]), int(run.event_index[i]), *run.event_x[i].copy()) for i in range(run.records)
-        ]
+        k = run.records
+        sides = run.event_x[:k].copy()  # before and after each
+        events += zip(run.event_t[:k].tolist(), run.event_index[:k].tolist(), *sides.swapaxes(0, 1))
         if status != Outcome.OUT_OF_MEMORY:
             break
         if spending.late():
