@@ -44,7 +44,7 @@ from pathlib import Path
 
 import numpy as np
 import sympy as sp
-from studytools import Claim, Study, claim, command, draw_set
+from studytools import Claim, Study, claim, command, draw_set, part, parts
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
@@ -190,37 +190,47 @@ def borders(orbit, names, ranges) -> list[tuple[str, dict, str]]:
 
 def checked(name: str, found, config: Config) -> dict:
     """Random points of a plane, and whether the set admits the attractors there."""
-    view, parameters, ranges, _ = SETS[name]
-    names, random = parameters.split(), np.random.default_rng(config.seed)
+    _, _, ranges, _ = SETS[name]
+    random = np.random.default_rng(config.seed)
     low, high = np.array(ranges).T
-    rows, skipped = [], 0
-    while len(rows) < config.points:
+    places, skipped = [], 0
+    while len(places) < config.points:
         at = low + (high - low) * random.random(2)
         if found.distance(at) < config.near:
             skipped += 1
-            continue
-        orbits, fates = attractors_at(view, dict(zip(names, at)), config, random)
-        failures = []
-        for orbit in orbits:
-            for kind, place, words in borders(orbit, names, ranges):
-                there = np.array([place[n] for n in names])
-                # A parameter that is not negative cannot be followed to 0 itself.
-                if (
-                    kind == "border"
-                    or (np.minimum(there - low, high - there) / (high - low)).min() < config.near
-                ):
-                    continue
-                distance = found.distance(there)
-                if distance >= config.near:
-                    where = ", ".join(f"{n} = {place[n]:.6g}" for n in names)
-                    failures.append(f"{kind} at {where}, {distance:.2g} from any curve: {words[:160]}")
-        rows.append({"at": at, "attractors": len(orbits), "fates": dict(fates), "failures": failures})
+        else:
+            places.append(at)
+    rows = parts(
+        {f"{name}, point {k}": (at_a_point, name, found.curves, at, k, config) for k, at in enumerate(places)},
+        config.workers,
+    )
     return {"points": rows, "skipped": skipped}
 
 
-def one_plane(name: str, config: Config, store=None, seconds=None) -> dict:
-    """The set of a plane and its check; `seconds` of the run that filled the store, where that was another one."""
-    found, measured = the_set(name, config, store)
+def at_a_point(name: str, curves: list, at: np.ndarray, number: int, config: Config) -> dict:
+    """The attractors at a point, and where they end that is on no curve."""
+    view, parameters, ranges, _ = SETS[name]
+    names, random = parameters.split(), np.random.default_rng((config.seed, number))
+    low, high = np.array(ranges).T
+    orbits, fates = attractors_at(view, dict(zip(names, at)), config, random)
+    failures = []
+    for orbit in orbits:
+        for kind, place, words in borders(orbit, names, ranges):
+            there = np.array([place[n] for n in names])
+            # A parameter that is not negative cannot be followed to 0 itself.
+            outside = (np.minimum(there - low, high - there) / (high - low)).min() < config.near
+            if kind == "border" or outside:
+                continue
+            distance = min((curve.distance(there, high - low)[0] for curve in curves), default=np.inf)
+            if distance >= config.near:
+                where = ", ".join(f"{n} = {place[n]:.6g}" for n in names)
+                failures.append(f"{kind} at {where}, {distance:.2g} from any curve: {words[:160]}")
+    return {"at": at, "attractors": len(orbits), "fates": dict(fates), "failures": failures}
+
+
+def plane(name: str, config: Config) -> dict:
+    """The set of a plane and its check, as data."""
+    found, measured = the_set(name, config)
     curves = [
         {
             "kind": curve.kind, "values": np.round(curve.values, 9), "origin": curve.origin, "ends": curve.ends,
@@ -236,13 +246,13 @@ def one_plane(name: str, config: Config, store=None, seconds=None) -> dict:
     return {
         "curves": curves, "points": [{"name": p.name, "at": p.at, "curves": p.curves} for p in found.points],
         "diagrams": diagrams, "lost": found.lost,
-        "seconds": {key: round(value, 1) for key, value in (seconds or measured).items()},
+        "seconds": {key: round(value, 1) for key, value in measured.items()},
         "check": checked(name, found, config),
     }  # fmt: skip
 
 
 def run(config: Config) -> dict:
-    return {name: one_plane(name, config) for name in config.planes}
+    return {name: part(name, plane, name, config) for name in config.planes}
 
 
 def called(curve: dict) -> str:
