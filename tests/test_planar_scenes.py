@@ -25,6 +25,7 @@ from pwsmooth.laws.friction import (
 from pwsmooth.scenes import (
     billiard_ball,
     bristle_bot,
+    caster,
     gripped_bar,
     incline,
     planar_oscillator,
@@ -204,6 +205,31 @@ def test_a_grip_holds_from_contensous_limit_surface_on():
     for share, holds in ((1.01, True), (0.99, False)):
         run = gripped_bar(pad, share * pads_bound(arm, pad), arm=arm, t_span=(0, 0.1)).solve()
         assert (not run.x[3:, -1].any()) == holds
+
+
+def test_a_caster_rolls_into_line_up_to_the_speed_at_which_the_ground_holds_it():
+    """tan(swivel/2) falls as exp(-V t/l); the ground holds V^2 sin(a)/l (I sin(a)/r^2, J cos(a)/l^2) of mu N."""
+    swivel, trail, radius, wheel, inertia, load = 2.0, 0.06, 0.05, 0.001, 0.004, 80.0
+    values = dict(swivel=swivel, trail=trail, radius=radius, wheel=wheel, inertia=inertia, load=load)
+    # While it rolls every angle down to 0 comes by: what the ground has to hold is largest somewhere on the way.
+    a = np.linspace(0, swivel, 20001)
+    held = np.sin(a) / trail * np.hypot(wheel * np.sin(a) / radius**2, inertia * np.cos(a) / trail**2)
+    fastest = math.sqrt(0.5 * load / held.max())
+    run = caster(Coulomb(F_c=0.5), speed=0.999 * fastest, t_span=(0, 0.5), **values).solve(**EXACT)
+    assert run.itinerary == ("stick (lam sliding)",)
+    falls = np.tan(run["swivel"][-1] / 2) / math.tan(swivel / 2)
+    assert math.log(falls) == pytest.approx(-0.999 * fastest * 0.5 / trail, rel=1e-10)
+    assert np.abs([run["slip_along"], run["slip_aside"]]).max() < 1e-13
+    faster = caster(Coulomb(F_c=0.5), speed=1.001 * fastest, t_span=(0, 0.5), **values).solve(**EXACT)
+    assert faster.itinerary[:2] == ("stick (lam sliding)", "slip (lam)") and faster.success
+
+
+def test_a_caster_that_skids_begins_to_slip_again_and_again_at_every_tolerance():
+    """Its surfaces are no states: what is known of h/|h| when a slip begins is a rounding over |h|."""
+    runs = [caster(Coulomb(F_c=0.5), speed=3.0).solve(rtol=rtol, atol=1e-12) for rtol in (1e-9, 1e-12)]
+    assert [e.kind for e in runs[0].events] == [e.kind for e in runs[1].events]
+    assert runs[1].success and len(runs[1].event_times("slip by tangency")) == 1
+    assert runs[0].x[:, -1] == pytest.approx(runs[1].x[:, -1], abs=1e-7)
 
 
 def test_a_ball_slides_on_a_parabola_and_rolls_after():

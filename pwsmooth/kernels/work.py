@@ -150,7 +150,6 @@ class Onset(Bundle):
     beyond: "float"  # by how much the lambda that would hold a disc exceeds 1
     x: "f8[onset]"  # at its start
     first: "f8[onset]"  # rates there
-    second: "f8[onset]"  # half of their rates
     mult: "f8[m]"
     level: "f8[m + ne]"  # surfaces there
     rate: "f8[8, m]"  # residuals at the nodes with the lambda guessed

@@ -226,7 +226,10 @@ def billiard_ball(
                     parameters={mass: m, about: inertia, weight: g, size: radius}, outputs=shown)  # fmt: skip
 
 
-@door(swivel=checks.number, **dict.fromkeys(("speed", "trail", "radius", "inertia", "wheel", "load"), checks.positive))
+@door(
+    swivel=checks.number,
+    **dict.fromkeys(("speed", "trail", "radius", "inertia", "wheel", "load"), checks.positive),
+)
 def caster(
     law: Law, *, speed: float = 1.0, swivel: float = 2.0, trail: float = 0.05, radius: float = 0.05,
     inertia: float = 0.01, wheel: float = 0.001, load: float = 100.0, t_span: tuple[float, float] = (0.0, 1.0),
@@ -281,7 +284,11 @@ def caster(
     along, aside = pieces.force
     rates = {angle: rate, rate: arm * aside / about_pivot, wheel_rate: size * along / of_wheel}
     shown = {"slip_along": slip[0], "slip_aside": slip[1], "friction_along": along, "friction_aside": aside}
-    begin = {angle: swivel, rate: -speed * math.sin(swivel) / trail, wheel_rate: speed * math.cos(swivel) / radius}
+    begin = {
+        angle: swivel,
+        rate: -speed * math.sin(swivel) / trail,
+        wheel_rate: speed * math.cos(swivel) / radius,
+    }
     values = {arm: trail, size: radius, about_pivot: inertia, of_wheel: wheel, pull: speed, weight: load}
     return scene_of("caster", law, t_span, rates, [pieces], (*map(str, rates), *shown), start=begin,
                     parameters=values, outputs=shown)  # fmt: skip

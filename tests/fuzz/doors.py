@@ -415,7 +415,7 @@ def subjects():
             given[name.rsplit(".", 1)[1]] = None
     for scene_name in ("block_on_belt", "friction_oscillator", "position_control"):
         given[scene_name] = dict(law=friction.Coulomb())
-    for scene_name in ("incline", "billiard_ball", "bristle_bot"):
+    for scene_name in ("incline", "billiard_ball", "bristle_bot", "caster"):
         given[scene_name] = dict(law=friction.Coulomb())
     given |= {
         "shaken_plate": dict(law=friction.Coulomb(), plate=(sp.sin(scenes.t), 0), lift=sp.cos(scenes.t)),
@@ -653,6 +653,7 @@ def judged(seed, i):
 
 
 def _work(pipe, seed):
+    os.chdir(tempfile.mkdtemp())  # some texts that are given are good names of files
     subjects()
     pipe.send(None)
     while (i := pipe.recv()) is not None:

@@ -22,7 +22,7 @@ from ..work import Work
 from .tables import STAGES
 
 _LEGENDRE = np.polynomial.legendre
-_TRIES, _SWEEPS = 40, 12
+_TRIES, _SWEEPS, _PICARD = 40, 12, 3
 _STIFF = 1.0 / 18.0  # of 1/(d|lambda|/dt): later the series of the direction diverges before it is good
 _AHEAD = 1e-3  # of the longest step: where it is looked at how fast lambda passes its bound
 _AT_REST = 1e-7  # of the accelerations: a slip that begins with less begins with none
@@ -88,83 +88,78 @@ def _go_along(P, S, W, t, tau):
 
 
 @kernel
-def _guess_slaved(P, S, W, j, h):
-    """Puts the states at the nodes where disc j slips in the direction that its force says."""
-    onset, start = W.onset, math.sqrt(W.onset.level[j])
-    for q in range(STAGES):
-        size = start
-        for r in range(STAGES):
-            along = 0.0
-            for k in range(j + 1, j + 1 + P.dim[j]):
-                along += onset.toward[r, k] * onset.rate[r, k]
-            size += h * WEIGHTS[q, r] * along
-        for k in range(j + 1, j + 1 + P.dim[j]):
-            onset.goal[k] = onset.toward[q, k]
-        for i in range(P.n):
-            S.x[i] = onset.y[q, i]
-        put_in_slip(P, S, j, max(size, _LEFT * start), onset.goal, W)
-        for i in range(P.n):
-            onset.y[q, i] = S.x[i]
+def _slaved(P, S, W, j):
+    """Whether disc j slips in the direction that its force says: slowly, or from rest."""
+    if W.onset.goes_on:
+        return W.onset.slow[j] != 0
+    return W.onset.rests and begins(P, S, j) and W.onset.forced[j] != 0
 
 
 @kernel
-def _guess(P, S, W, t, h):
-    """Overwrites onset.y, the states at the nodes: on the parabola, with the slip of the force at each."""
+def _stand(P, S, W, q, t):
+    """Puts S at node q, with the lambda that would hold in slips that the force leads."""
+    for i in range(P.n):
+        S.x[i] = W.onset.y[q, i]
+    S.t = t
+    for j in range(P.m):
+        if _slaved(P, S, W, j):
+            _follow_force(P, S, W, j)
+
+
+@kernel
+def _guess_path(P, S, W, h):
+    """Overwrites onset.y with the motion by the lambda that all but holds, to the fourth order in h (Picard): what it
+    slips is as little as the force is more than that, and the slip's own direction does not stand out from less."""
     onset, n, t0 = W.onset, P.n, S.t
-    if onset.goes_on:
-        for q in range(STAGES):
-            tau = NODES[q] * h
-            for i in range(n):
-                S.x[i] = onset.x[i] + tau * (onset.first[i] + tau * onset.second[i])
-            S.t = t0 + tau
-            for j in range(P.m):
-                if onset.slow[j]:
-                    _follow_force(P, S, W, j)
-                    push_of_disc(P, S, W, j)
-            for j in range(P.m):
-                onset.rate[q, j] = W.g[j]
-                onset.toward[q, j] = S.mult[j]
-            for i in range(n):
-                onset.y[q, i] = S.x[i]
-        S.t = t0
-        for j in range(P.m):
-            if onset.slow[j]:
-                _guess_slaved(P, S, W, j, h)
-        return
     for q in range(STAGES):
-        _go_along(P, S, W, t0, NODES[q] * h)
+        for i in range(n):
+            onset.y[q, i] = onset.x[i] + NODES[q] * h * onset.first[i]
+    for _ in range(_PICARD):
+        for q in range(STAGES):
+            _stand(P, S, W, q, t0 + NODES[q] * h)
+            _rates(P, S, W, S.t)
+            for i in range(n):
+                onset.k[q, i] = W.dx[i]
+        for q in range(STAGES):
+            for i in range(n):
+                onset.y[q, i] = onset.x[i]
+                for s in range(STAGES):
+                    onset.y[q, i] += h * WEIGHTS[q, s] * onset.k[s, i]
+    S.t = t0
+
+
+@kernel
+def _guess(P, S, W, h):
+    """Overwrites onset.y, the states at the nodes: of that motion, with the slip that its residuals make."""
+    onset, t0 = W.onset, S.t
+    _guess_path(P, S, W, h)
+    for q in range(STAGES):
+        _stand(P, S, W, q, t0 + NODES[q] * h)
         for j in range(P.m):
-            if not begins(P, S, j):
-                continue
-            if onset.rests and onset.forced[j]:
-                _follow_force(P, S, W, j)
-            push_of_disc(P, S, W, j)
+            if _slaved(P, S, W, j) or begins(P, S, j):
+                push_of_disc(P, S, W, j)
         for j in range(P.m):
             onset.rate[q, j] = W.g[j]
             onset.toward[q, j] = S.mult[j]
-    S.t = t0
     for q in range(STAGES):
-        _go_along(P, S, W, t0, NODES[q] * h)
+        _stand(P, S, W, q, t0 + NODES[q] * h)
         for j in range(P.m):
-            if not begins(P, S, j):
-                continue
-            if not (onset.rests and onset.forced[j]):
+            if _slaved(P, S, W, j):
+                start = math.sqrt(onset.level[j])
+                way = start
+                for r in range(STAGES):
+                    for k in range(j + 1, j + 1 + P.dim[j]):
+                        way += h * WEIGHTS[q, r] * onset.toward[r, k] * onset.rate[r, k]
+                for k in range(j + 1, j + 1 + P.dim[j]):
+                    onset.goal[k] = onset.toward[q, k]
+                put_in_slip(P, S, j, max(abs(way) if start == 0.0 else way, _LEFT * start), onset.goal, W)
+            elif begins(P, S, j):
                 for k in range(j + 1, j + 1 + P.dim[j]):
                     onset.goal[k] = 0.0
                     for r in range(STAGES):
                         onset.goal[k] += h * WEIGHTS[q, r] * onset.rate[r, k]
                 put_in_slip(P, S, j, 1.0, onset.goal, W)
-                continue
-            way = 0.0
-            for r in range(STAGES):
-                along = 0.0
-                for k in range(j + 1, j + 1 + P.dim[j]):
-                    along += onset.toward[r, k] * onset.rate[r, k]
-                way += h * WEIGHTS[q, r] * abs(along)
-            for k in range(j + 1, j + 1 + P.dim[j]):
-                onset.goal[k] = onset.toward[q, k]
-            put_in_slip(P, S, j, way, onset.goal, W)
-        for i in range(n):
+        for i in range(P.n):
             onset.y[q, i] = S.x[i]
     S.t = t0
 
@@ -348,7 +343,7 @@ def onset(P, C, S, W, longest):
     start, n, t = W.onset, P.n, S.t
     start.solves, start.goes_on = 0, 1
     for i in range(n):
-        start.x[i], start.second[i] = S.x[i], W.step.rows[i, 2]
+        start.x[i] = S.x[i]
     for j in range(P.m):
         start.mult[j] = S.mult[j]
         if S.status[j] == SOLVED:
@@ -385,7 +380,7 @@ def onset(P, C, S, W, longest):
         for j in range(P.m):
             if begins(P, S, j) or (start.goes_on and start.slow[j]):
                 S.mult[j] = INSIDE
-        _guess(P, S, W, t, h)
+        _guess(P, S, W, h)
         for j in range(P.m):
             S.mult[j] = start.mult[j]
         misfit = math.inf
