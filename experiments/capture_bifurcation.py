@@ -211,7 +211,7 @@ def basin(ratio, config):
     starts[:, 1] = random.uniform(-3, 3, config.starts)
     width = config.basin_eps
     system = RAMPED.with_parameters({"eps": width, "beta": width / ratio, "start": 2.4, "rate": 0.0})
-    first, early = min(config.scouts, config.starts), config.settled // 3
+    first, early = config.scouts, config.settled // 3
     known, ends = after(system, starts[:first], config.settled)
     kinds, states = after(system, starts[first:], early)
     distance = np.abs(states[:, None, :2] - ends[None, :, :2]).max(axis=2)
@@ -502,7 +502,8 @@ STUDY = Study(
     expected="Where the force at an arrival crosses F_c(r): with finite length, no multiplier at 1, and hysteresis.",
     full=Config(),
     fast=Config(
-        planes=(("two sticks", "sigma"), ("one stick", "sigma")), longest_step=0.6, basins=(0.005, 0.06), starts=60,
+        planes=(("two sticks", "sigma"), ("one stick", "sigma")), longest_step=0.6, basins=(0.005, 0.06),
+        starts=60, scouts=20,
         eps=(1e-5, 1e-6), periods=800,
     ),
     run=run,
