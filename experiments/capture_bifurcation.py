@@ -12,8 +12,10 @@ arrival, over the drive.
 Method: orbits of the layered view with a finite r (the limit eps -> 0 at fixed r), and their curves of captures over
 (r, sigma) at omega = 1 and over (r, omega) at sigma = 2.4 (pwsmooth.follow_curve, kind "capture"): of the symmetric
 orbit of two sticks, of the asymmetric one of one stick, of the one that only slips. Branches over r at sigma = 2.4
-to their ends. Smoothed runs (pwsmooth.sweep, random starts) count which kind a start leads to, and sigma ramped by 1
-in thousands of periods, up and down, shows where the kinds change, at several eps with beta = eps/r.
+to their ends. Smoothed runs (pwsmooth.sweep, random starts) count which kind a start leads to: the first 200 run for 30
+periods and show the attractors, the others are counted with the one to which they have come within 1e-4 after ten, or
+run on. And sigma ramped by 1 in thousands of periods, up and down, shows where the kinds change, at several eps with
+beta = eps/r.
 
 Checks of their own: F_c(r) = |F| solved for r by brentq, with the arrival force of slow orbits in which nothing of
 the layer is left to decide (slaved, two-stage, rho = 0). Exact ends are compared with what smoothed runs do, as eps
