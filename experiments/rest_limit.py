@@ -14,7 +14,7 @@ does so for rho < 2. Slow: near the peak of F the state passes the fold, x' = x^
 rho^2 lam_s^2/(1 + rho z_s)^2 of beta z'.
 
 Method: z' is a driven system of one state with an event at |lam| = 1. Its periodic orbit is followed over A
-(pwsmooth.follow): the first fold, or the first touch of the event, is A*. Below omega beta = 0.02 or so the fold is
+(pwsmooth.follow): the first fold, or the first touch of the event, is A*. Below omega beta = 0.04 or so the fold is
 that of a canard explosion narrower in A than a rounding: A* is the value at which the branch stands still. Curves of
 both in (rho, A) are followed at omega beta = 100. N = 1. Checks of their own: Runge-Kutta steps of the period map of
 many z at once, A* where its largest P(z) - z vanishes (a touch of |lam| = 1 by SciPy's DOP853); runs of the whole

@@ -143,7 +143,7 @@ def _conflicts(model, fired, p) -> list[Ambiguity]:
 
     What kernels/instant/firing.py records on the event-driven path.
     """
-    found = []
+    found: list[Ambiguity] = []
     if not any(one[0] == other[0] for one, other in itertools.pairwise(fired)):
         return found  # as of a hundred thousand kicks
     for (when, before), group in itertools.groupby(fired, key=lambda event: (event[0], event[2].tobytes())):
