@@ -14,7 +14,8 @@ from .steps import surface_rows
 _ROUNDING = 1e-28  # of |h|^2, beside the largest so far
 _NEAR = 100.0  # tolerances of h: so near to rest the slip is closed at once
 _EARLY = 1e-5  # of the largest |h|: so near to rest it is closed if nothing else happens by then
-_FAST = 0.05  # of the friction: the deceleration of a slip that is closed early
+_FAST = 0.005  # of the friction: the deceleration of a slip that is closed early
+_BLURRED = 1e-10  # of what a surface is made of that is no state: its roundings are 1e-5 of such a |h|
 _FAR = 8.0  # by how much later than the last slope of |h| tells it may come to rest
 _STIFF = 4.0  # of |h| over the friction, to what explicit steps are stable
 _SEEN, WORTH, PATIENCE = (
@@ -52,11 +53,13 @@ def _near_rest(P, C, S, W, j):
     At the first jets that keep the tolerance of h begin to lose digits of its direction, at the second they have.
     """
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
-    tolerance = C.rtol * math.sqrt(W.meeting.widest[j])
+    tolerance, blurred = C.rtol * math.sqrt(W.meeting.widest[j]), 0.0
     for k in range(j + 1, j + 1 + P.dim[j]):
         for e in range(P.dh_row[k], P.dh_row[k + 1]):
             tolerance += abs(W.dh[e]) * C.atol[P.dh_col[e]]
-    last = (_NEAR * tolerance) ** 2
+            if P.surface_state[k] < 0:
+                blurred += _BLURRED * abs(W.dh[e] * S.x[P.dh_col[e]])
+    last = max(_NEAR * tolerance, blurred) ** 2
     return max(last, _EARLY**2 * W.meeting.widest[j]), last
 
 
