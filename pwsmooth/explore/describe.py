@@ -1,0 +1,150 @@
+"""Controls and views of a subject, as data: what the page needs to know before its first orbit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import sympy as sp
+
+from .. import plotting
+from ..definition.model import Model
+from .subject import Subject
+
+#: What a page may ask of a process; `each` within a factor of 10 by the page.
+LIMITS = {"span": 1000.0, "periods": 500, "steps": 200_000, "seconds": 2.0, "columns": 2000, "points": 1000,
+          "cells": 600, "job": 600.0}  # fmt: skip
+MOST = 100  # states, of which all are listed; of more these first ones
+
+
+def describe(subject: Subject) -> dict[str, Any]:
+    """Title, names, sliders, views with why those that are not there are not, colours: JSON."""
+    system, model = subject.system, subject.system.model
+    states = [s.name for s in model.states[: len(model.states) - model.n_memory]][:MOST]
+    multipliers = [str(m.symbol) for m in model.multipliers if m.kind != "component"][:MOST]
+    outputs = [str(name) for name, _ in model.outputs] if model.families is None else []
+    units = {**subject.units}
+    return {
+        "title": subject.name,
+        "note": subject.note,
+        "view": str(system._view.title) if system._view else "",
+        "time": str(model.time or "t"),
+        "states": states,
+        "multipliers": multipliers,
+        "outputs": outputs,
+        "units": {name: unit for name, unit in units.items() if unit != "1"},
+        "start": {name: subject.start[name] for name in states},
+        "t_span": list(subject.t_span),
+        "period": subject.period_at({}),
+        "controls": controls(subject),
+        "names": (states + outputs)[:2],
+        "phase": _phase(states, outputs),
+        "characteristic": characteristic(model),
+        "switches": switches(model),
+        "hidden": _has_hidden(system),
+        "map": _map(subject, states),
+        "sketch": subject.sketch.describe() if subject.sketch is not None else None,
+        "views": list(subject.views),
+        "colours": {
+            "right": plotting.COLOUR["right"], "left": plotting.COLOUR["left"], "stick": plotting.COLOUR["stick"],
+            "line": plotting.COLOUR["mark"], "fast": plotting.COLOUR["fast"],
+            # Right, left and stick are phases here: basins take the others first.
+            "basins": [plotting.COLOUR[k] for k in ("smoothed", "approximation", "fast", "velocity", "no events",
+                                                    "with events", "stick")],
+        },
+        "limits": LIMITS,
+    }  # fmt: skip
+
+
+def _phase(states: list[str], outputs: list[str]) -> list[str]:
+    """The two names of the phase plane; none where there is one name only."""
+    names = [*states, *outputs]
+    return names[:2] if len(names) > 1 else []
+
+
+def characteristic(model: Model) -> list[str]:
+    """(slip velocity, force): the surface of a switch, "h:lam" where it is no state, and an output of it."""
+    if model.families is not None:
+        return []
+    found = [m for m in model.multipliers if m.kind == "switch" and m.surface is not None]
+    forces = {str(n): sp.sympify(e).free_symbols for n, e in model.outputs}
+    for m in found:
+        slip = str(m.surface) if m.surface in model.states else f"h:{m.symbol}"
+        named = [n for n, symbols in forces.items() if n == "friction" or m.symbol in symbols]
+        if named:
+            return [slip, named[0]]
+        return [slip, str(m.symbol)]
+    return []
+
+
+def switches(model: Model) -> list[str]:
+    """Names of the switches whose layer can be opened."""
+    if model.families is not None:
+        return []
+    return [str(m.symbol) for m in model.multipliers if m.kind == "switch" and m.regularity != "crossing"]
+
+
+def _has_hidden(system: Any) -> bool:
+    return system.model.families is None and bool(system.hidden_terms)
+
+
+def _map(subject: Subject, states: list[str]) -> dict[str, Any]:
+    """Whether orbit diagram, basins and section are offered; else why not."""
+    if subject.period is None:
+        return {"ok": False, "why": "no period: this system is not driven periodically, so that there are no strobes "
+                "to show; a section can be given in Python, orbit_diagram(section=...)"}  # fmt: skip
+    if subject.system.model.smoothing:
+        return {"ok": False, "why": "a smoothed view runs on the stiff path, too slowly for a map that grows"}
+    controlled = [str(p) for p in subject.system.parameters]
+    return {
+        "ok": True,
+        "parameter": next((n for n in subject.ranges if n in controlled), (controlled or [None])[0]),
+        "basins": len(states) > 1,
+        "axes": {name: _around(subject.start[name]) for name in states},
+    }
+
+
+def _around(value: float) -> list[float]:
+    reach = max(2.0, 2 * abs(value))
+    return [-reach, reach]
+
+
+def controls(subject: Subject) -> list[dict[str, Any]]:
+    """A slider for every parameter; one for the members of a family where they have one value."""
+    system = subject.system
+    values = {p.name: (p, float(v)) for p, v in system.parameters.items()}
+    taken: set[str] = set()
+    found = []
+    for name, members in system.groups.items():
+        inside = [m for m in members if m in values]
+        if len(inside) > 1 and len({values[m][1] for m in inside}) == 1:
+            found.append(_control(subject, name, *values[inside[0]]) | {"each": len(inside)})
+            taken |= set(inside)
+    found += [_control(subject, name, p, v) for name, (p, v) in values.items() if name not in taken]
+    order = list(values)
+    return sorted(found, key=lambda c: order.index(c["name"]) if c["name"] in order else 0)
+
+
+def _control(subject: Subject, name: str, symbol: Any, value: float) -> dict[str, Any]:
+    low, high, log = _range(symbol, value)
+    if name in subject.ranges:
+        low, high = subject.ranges[name]
+        log = log and low > 0 and high / low > 30
+    base = name.partition("_")[0]
+    return {
+        "name": name, "value": value, "min": low, "max": high, "log": log,
+        "unit": subject.units.get(name, "") if subject.units.get(name) != "1" else "",
+        "meaning": subject.meanings.get(name, subject.meanings.get(base, "")),
+        "sign": "positive" if symbol.is_positive else "nonnegative" if symbol.is_nonnegative else "real",
+    }  # fmt: skip
+
+
+def _range(symbol: Any, value: float) -> tuple[float, float, bool]:
+    """(lowest, highest, whether logarithmic) of a slider, by the symbol's assumptions and the value's size."""
+    if symbol.is_positive:
+        if value / 10 > 0.05 or value / 10 < 1e-3:
+            return value / 100, 100 * value, True
+        return value / 1000, 2 * value, False
+    if symbol.is_nonnegative:
+        return 0.0, 2 * value if value else 1.0, False
+    reach = max(1.0, abs(value))
+    return value - reach, value + reach, False
