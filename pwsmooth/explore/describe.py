@@ -65,11 +65,12 @@ def characteristic(model: Model) -> list[str]:
     """(slip velocity, force): the surface of a switch, "h:lam" where it is no state, and an output of it."""
     if model.families is not None:
         return []
-    found = [m for m in model.multipliers if m.kind == "switch" and m.surface is not None]
+    moving = [m for m in model.multipliers if m.kind == "switch" and m.surface.free_symbols & set(model.states)]
+    found = sorted(moving, key=lambda m: not _can_slide(model, m))
     forces = {str(n): sp.sympify(e).free_symbols for n, e in model.outputs}
     for m in found:
         slip = str(m.surface) if m.surface in model.states else f"h:{m.symbol}"
-        named = [n for n, symbols in forces.items() if n == "friction" or m.symbol in symbols]
+        named = [n for n, symbols in forces.items() if n in ("friction", "force") or m.symbol in symbols]
         if named:
             return [slip, named[0]]
         return [slip, str(m.symbol)]
@@ -80,7 +81,13 @@ def switches(model: Model) -> list[str]:
     """Names of the switches whose layer can be opened."""
     if model.families is not None:
         return []
-    return [str(m.symbol) for m in model.multipliers if m.kind == "switch" and m.regularity != "crossing"]
+    return [str(m.symbol) for m in model.multipliers if _can_slide(model, m)]
+
+
+def _can_slide(model: Model, m: Any) -> bool:
+    """Whether it is a switch with a layer: its surface moves with the states, and its dh/dt depends on it."""
+    moving = m.kind == "switch" and m.regularity == "sliding" and m.surface.free_symbols & set(model.states)
+    return bool(moving) and m.symbol in m.residual.free_symbols
 
 
 def _has_hidden(system: Any) -> bool:

@@ -16,7 +16,7 @@ from ..results.solution import Solution
 from ..sweep.contract import Window
 from ..sweep.of_solution import strobes
 from ..sweep.periodicity import Period
-from .describe import LIMITS
+from .describe import LIMITS, switches
 from .subject import Subject
 
 POINTS = 6000  # of a picture
@@ -219,7 +219,7 @@ def said_of(solution: Solution, period: float | None) -> str:
     if lengths:
         told = ", ".join(f"{d:.3g}" for d in lengths[:3]) + (" ..." if len(lengths) > 3 else "")
         words.append(f"{len(lengths)} stick{'s' * (len(lengths) > 1)} {where}, of {told}")
-    elif len(solution.mult):
+    elif switches(solution.model):
         words.append("no stick")
     count = sum(e.time >= begin for e in solution.events)
     words.append(f"{count} event{'s' * (count != 1)}")

@@ -61,7 +61,7 @@ class Process:
         threading.Thread(target=self._read, args=(heard,), daemon=True).start()
 
     def _read(self, heard: Callable[[bytes], None]) -> None:
-        with contextlib.suppress(EOFError, OSError):
+        with contextlib.suppress(EOFError, OSError, TypeError):  # TypeError: closed while it was read
             while True:
                 frame = self.pipe.recv_bytes()
                 self.asked = None

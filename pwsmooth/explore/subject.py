@@ -33,10 +33,10 @@ USUAL: dict[str, tuple[str | None, dict[str, Any]]] = {
     "bristle_bot": ("Coulomb", {}),
     "block_on_belt": ("StribeckFriction", {}),
     "force_driven": ("LuGre", {"force": 1.2 * _SIN, "t_span": (0.0, 30.0), "period": 2 * math.pi}),
-    "prescribed_motion": ("Dahl", {"position": _SIN, "t_span": (0.0, 20.0), "period": 2 * math.pi}),
+    "prescribed_motion": ("Dahl", {"law.sigma0": 20.0, "position": _SIN, "t_span": (0.0, 20.0), "period": 2 * math.pi}),
     "shaken_plate": ("Coulomb", {"plate": (_SIN, 0), "lift": _COS, "period": 2 * math.pi}),
-    "planar_oscillator": ("Coulomb", {"force": (_SIN, 0), "t_span": (0.0, 30.0), "period": 2 * math.pi}),
-    "pulled_block": ("Coulomb", {"path": (_T, 0), "plate": (0, _SIN)}),
+    "planar_oscillator": ("Coulomb", {"force": (2 * _SIN, _COS), "t_span": (0.0, 30.0), "period": 2 * math.pi}),
+    "pulled_block": ("Coulomb", {"path": (_T, 0), "plate": (0, _SIN), "start": (-1.0, 0.5)}),
     "stacked_plates": ("Coulomb", {"force": (_T, 0)}),
 }
 
@@ -156,12 +156,14 @@ def named_subject(
             )
         return _of_scene(what)
     usual, arguments = USUAL.get(scene, ("HiddenStatic", {}))
-    chosen, arguments = law or usual, dict(arguments)
+    chosen = law or usual
+    values = {k[4:]: v for k, v in arguments.items() if k.startswith("law.") and not law} | dict(values or {})
+    arguments = {k: v for k, v in arguments.items() if not k.startswith("law.")}
     if scene == "stacked_plates":
         arguments["ground"] = law_of("Coulomb")()
-    table = SystemTable(scene=scene, law=chosen, law_parameters=dict(values or {}), arguments=arguments)
+    table = SystemTable(scene=scene, law=chosen, law_parameters=values, arguments=arguments)
     found = system_of(table, Names())
-    return _of_scene(found, law_of(chosen) if chosen else None, _lines(scene, chosen, values or {}, arguments))
+    return _of_scene(found, law_of(chosen) if chosen else None, _lines(scene, chosen, values, arguments))
 
 
 def _lines(scene: str, law: str | None, values: Mapping[str, float], arguments: Mapping[str, Any]) -> tuple[str, ...]:

@@ -29,8 +29,12 @@ def live(pipe: Any, subject: Subject) -> None:
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server says when it is over
     current = Live(subject)
-    pipe.send_bytes(pack({"kind": "scene", **describe(subject)}))
-    current.orbit({"names": [s.name for s in subject.system.states][:2]})  # compiles, or loads what was compiled
+    known = describe(subject)
+    pipe.send_bytes(pack({"kind": "scene", **known}))
+    names = [*known["states"][:8], *known["outputs"], *known["characteristic"]]
+    current.orbit({"names": names, "phase": known["phase"]})  # compiles, or loads what was compiled
+    for name in known["switches"][:1]:
+        current.layer({"switch": name, "t": subject.t_span[0]})
     pipe.send_bytes(pack({"kind": "ready"}))
     for message in _newest(pipe):
         kind = message.get("kind")

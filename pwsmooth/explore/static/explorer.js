@@ -147,7 +147,7 @@ class App {
     this.state = this.restored(fresh);
     if (this.fragmentView && this.fragmentView !== this.view) { this.view = this.fragmentView; return this.transport.send({ kind: "view", view: this.view }); }
     document.title = `${scene.title} · pwsmooth explore`;
-    this.heading.textContent = scene.title;
+    this.heading.textContent = (scene.title[0].toUpperCase() + scene.title.slice(1)).replace(/, /g, " · ");
     this.sub.textContent = scene.note;
     this.tint();
     this.controls();
@@ -234,7 +234,7 @@ class App {
       scene.switches.length || this.view ? element("div", { class: "span" }, element("span", {}, "View"), choice("view of the system", views, this.view, (v) => this.turn(v))) : "",
       element("div", { class: "actions" }, element("button", { type: "button", onclick: () => this.reset() }, "Reset")),
       element("details", {}, element("summary", {}, "Numbers"), this.table));
-    this.last(rows[0] || starts[0]);
+    this.last(this.fields[scene.map.parameter]?.row || rows[0] || starts[0]);
   }
   last(row) { if (this.lastRow !== row) { this.lastRow?.classList.remove("last"); row?.classList.add("last"); this.lastRow = row; } }
   pull() { const open = this.side.classList.toggle("open"); this.handle.setAttribute("aria-expanded", String(open)); }
@@ -264,12 +264,32 @@ class App {
     this.tabs.hidden = !narrow || !tabbed.length;
     if (narrow && !tabbed.some((v) => v.key === this.tab)) this.tab = tabbed[0]?.key;
     this.tabs.replaceChildren(...tabbed.map((v) => element("button", { type: "button", role: "tab", "aria-selected": String(v.key === this.tab), onclick: () => { this.tab = v.key; this.arrange(); } }, v.title)));
-    const shownViews = narrow ? this.views.filter((v) => !tabbed.includes(v) || v.key === this.tab) : this.views;
+    if (!narrow) this.swap(tabbed);
+    const place = (v) => this.slots.indexOf(v.key), shownViews = narrow ? this.views.filter((v) => !tabbed.includes(v) || v.key === this.tab)
+      : this.views.filter((v) => !this.hiddenMaps.includes(v.key)).sort((a, b) => place(a) - place(b));
     const order2 = narrow ? [...shownViews.filter((v) => v.key === "mechanism"), ...shownViews.filter((v) => v.key === "time"), this.tabs, ...shownViews.filter((v) => tabbed.includes(v))].map((v) => v.box || v) : shownViews.map((v) => v.box);
     this.main.replaceChildren(...order2, ...(narrow ? [] : this.missing.filter((v) => v.key === "diagram").map((v) => element("p", { class: "missing" }, `No diagram, basins or section: ${v.why()}.`))));
     this.main.dataset.small = shownViews.filter((v) => ["phase", "characteristic", "layer"].includes(v.key)).length;
     this.drawAll();
     this.moved();
+  }
+
+  // Two of the maps stand side by side; the menu in a caption puts another one there.
+  swap(views) {
+    const maps = views.filter((v) => ["diagram", "basins", "section"].includes(v.key));
+    this.slots = (this.slots || ["diagram", "basins"]).filter((k) => maps.some((v) => v.key === k));
+    for (const v of maps) if (this.slots.length < 2 && !this.slots.includes(v.key)) this.slots.push(v.key);
+    for (const v of maps) {
+      if (maps.length < 3) continue;
+      const pick = choice("which view stands here", maps.map((m) => [m.key, m.title]), v.key, (key) => {
+        const here = this.slots.indexOf(v.key), other = this.slots.indexOf(key);
+        if (other >= 0) this.slots[other] = v.key;
+        this.slots[here] = key;
+        this.arrange();
+      });
+      v.heading.replaceChildren(pick);
+    }
+    this.hiddenMaps = maps.filter((v) => !this.slots.includes(v.key)).map((v) => v.key);
   }
 
   // ---- the state

@@ -123,7 +123,7 @@ export class Plot {
     ctx.stroke();
   }
   xticks() { return ticks(this.x.low, this.x.high, Math.max(2, this.inner[0] / 75)); }
-  yticks() { return ticks(this.y.low, this.y.high, Math.max(2, this.inner[1] / 38)); }
+  yticks() { return ticks(this.y.low, this.y.high, Math.max(4, this.inner[1] / 38)); }
   axes() {
     const { ctx, theme } = this, [w, h] = this.inner;
     ctx.font = `11px ${theme.font}`; ctx.fillStyle = theme.muted; ctx.lineWidth = 1;
@@ -132,7 +132,7 @@ export class Plot {
     ctx.font = `italic 12px ${theme.font}`;
     const wide = ctx.measureText(this.labels[0]).width;
     ctx.font = `11px ${theme.font}`;
-    for (const t of this.xticks()) {
+    if (this.bottom > 20) for (const t of this.xticks()) {
       const text = shown(t, xs), half = ctx.measureText(text).width / 2, p = this.px(t);
       if (p + half < label - wide - 6 && p - half > 2) ctx.fillText(text, p, this.top + h + 6);
     }

@@ -31,7 +31,7 @@ class View {
     this.tools = element("span", { class: "tools" });
     this.note = element("p", { class: "note" });
     this.box = element("figure", { class: `view ${this.key}` },
-      element("figcaption", {}, element("h2", {}, this.title), this.tools), element("div", { class: "stage" }, this.canvas), this.note);
+      element("figcaption", {}, (this.heading = element("h2", {}, this.title)), this.tools), element("div", { class: "stage" }, this.canvas), this.note);
     this.box.dataset.view = this.key;
     this.plot = new Plot(this.canvas, this.app.theme);
     this.fill();
@@ -95,7 +95,6 @@ class Time extends View {
       const plot = new Plot(canvas, this.app.theme);
       plot.labels = [k === names.length - 1 ? written(this.app.scene.time) : "", unit(this.app, name)];
       plot.bottom = k === names.length - 1 ? 30 : 10;
-      if (k < names.length - 1) plot.xlabels = false;
       canvas.classList.toggle("last", k === names.length - 1);
       gestures(plot, { press: (x) => this.app.point(x), move: (x) => this.app.point(x), zoom: (x, y, f) => this.zoom(x, f), fit: () => this.fit() });
       canvas.addEventListener("keydown", (e) => this.keyed(e));
@@ -205,7 +204,7 @@ class Phase extends View {
     plot.dot(app.value(a, app.state.cursor), app.value(b, app.state.cursor), app.theme.ink, 4.5);
   }
   after(plot, app) {
-    this.say(this.states ? "Drag the ring, or click, to start elsewhere. Forward in time only: backward, a sliding piece can be left in many ways." : "");
+    this.say(this.states ? "Drag the ring or click to start elsewhere." : "");
     this.canvas.setAttribute("aria-label", `Phase plane of ${written(this.pair[0])} and ${written(this.pair[1])}. ${app.sentence}`);
   }
 }
@@ -269,7 +268,7 @@ class Grown extends View {
     this.live = element("input", { type: "checkbox", checked: this.constructor.live, onchange: () => this.app.moved() });
     this.options();
     this.tools.append(element("label", { class: "small", title: "Computed anew when a parameter has rested" }, this.live, " live"),
-      element("button", { class: "small again", type: "button", onclick: () => this.start() }, "Compute"));
+      element("button", { class: "small again", type: "button", title: "Compute", "aria-label": `compute: ${this.title}`, onclick: () => this.start() }, "↻"));
     this.box.querySelector(".stage").append(this.bar);
   }
   options() {}
@@ -308,8 +307,6 @@ class Diagram extends Grown {
       choice("parameter", s.controls.map((c) => [c.name, written(c.name)]), app.state.diagram.parameter, (v) => app.setDiagram({ parameter: v, range: null })),
       choice("what is shown", s.states.map((n) => [n, written(n)]), app.state.diagram.y, (v) => { app.setDiagram({ y: v }, false); this.plot.y.forget(); this.draw(); }),
       choice("where each column starts", [["0", "same start"], ["1", "carried on →"], ["-1", "carried on ←"]], String(app.state.diagram.carry), (v) => app.setDiagram({ carry: +v })));
-    this.back = element("button", { class: "small", type: "button", disabled: true, onclick: () => this.app.back() }, "Back");
-    this.tools.append(this.back);
   }
   get ignored() { return this.app.state.diagram.parameter; }
   depends() {
@@ -385,7 +382,6 @@ class Diagram extends Grown {
     ctx.globalAlpha = 1;
   }
   after(plot, app) {
-    this.back.disabled = !app.past.length;
     const h = this.job?.header;
     if (!h || this.note.classList.contains("bad")) return;
     const mode = h.carry ? `carried on ${h.carry > 0 ? "from left to right" : "from right to left"}` : "each from the same start";
@@ -444,7 +440,7 @@ class Basins extends Grown {
       if (!c) { data[to + 3] = 0; continue; }
       const failed = shade === 1 && ((at / n) | 0) % 6 === 3 && at % 6 === 3;
       data[to] = failed ? 128 : c[0]; data[to + 1] = failed ? 128 : c[1]; data[to + 2] = failed ? 128 : c[2];
-      data[to + 3] = this.sure[at] ? 255 : 153;
+      data[to + 3] = this.sure[at] ? 255 : 204;
     }
     this.bitmap.getContext("2d").putImageData(this.pixels, 0, 0);
   }
@@ -474,7 +470,7 @@ class Basins extends Grown {
       plot.image(this.bitmap, h.ranges[0][0], h.ranges[1][0], h.ranges[0][1], h.ranges[1][1]);
       ctx.globalAlpha = 1;
       const at = axes.map((n) => app.scene.states.indexOf(n));
-      h.cycles.forEach((c, k) => { if (c.sure && c.x) plot.dot(c.x[at[0]], c.x[at[1]], app.tone(app.scene.colours.basins[k % app.scene.colours.basins.length]), 4.5); });
+      h.cycles.forEach((c) => { if (c.sure && c.x) plot.dot(c.x[at[0]], c.x[at[1]], app.theme.ink, 4.5); });
     }
     const [xs, ys] = axes.map((n) => app.strobed(n));
     if (xs && ys) {
@@ -486,7 +482,7 @@ class Basins extends Grown {
   after(plot, app) {
     const h = this.job?.header;
     if (this.note.classList.contains("bad")) return;
-    if (!h) return this.say("Compute shows which orbit each start leads to; click or drag to follow one.");
+    if (!h) return this.say("↻ shows which orbit each start leads to; click or drag to follow one.");
     const names = h.cycles.map((c, k) => c.sure ? `${k + 1}: period ${c.period}, |multiplier| ${Math.hypot(...(c.multipliers[0] || [0, 0])).toFixed(3)}` : c.period ? `attractor ${k + 1} (not yet confirmed)` : "").filter(Boolean);
     const counts = [h.unsettled ? `${h.unsettled} unsettled` : "", h.failed ? `${h.failed} failed` : "", h.finished ? "" : `${Math.floor((100 * h.done) / h.of)} %`].filter(Boolean);
     this.say(`${this.mark()}${[...names, ...counts].join("; ")}`);
