@@ -86,7 +86,7 @@ def orbit_diagram(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer
         return
     order = spread(count)
     waiting: list[tuple[np.ndarray, np.ndarray]] = []
-    at = 0
+    at, before = 0, None
     while at < count:
         which = order[at : at + work.size]
         points, outcome = work.timed(early, np.tile(start, (len(which), 1)), values[which])
@@ -94,7 +94,13 @@ def orbit_diagram(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer
         settled = repeating(points) | (outcome < 0)
         waiting.append((which[~settled], points[~settled, -1]))
         at += len(which)
-        yield head | work.told(at, count, len(np.concatenate([w for w, _ in waiting]))), _columns(which, points, settled)
+        if len(which) == 1 and at < 2:  # shown with what follows at once
+            before = which, points, settled
+            continue
+        if before is not None:
+            which, points, settled = (np.concatenate(pair) for pair in zip(before, (which, points, settled)))
+            before = None
+        yield head | work.told(at, count, sum(len(w) for w, _ in waiting)), _columns(which, points, settled)
     which = np.concatenate([w for w, _ in waiting])
     x = np.concatenate([x for _, x in waiting])
     work.size, done = max(1, work.size // 4), 0
@@ -150,18 +156,18 @@ def repeating(points: np.ndarray) -> np.ndarray:
 
 
 class _Work:
-    """How much a piece of work may be, and what has been done."""
+    """How much a piece of work may be, and what has been done. The first piece is small: it shows what one costs."""
 
-    def __init__(self, size: int = 12) -> None:
-        self.size, self.periods, self.begun = size, 0, time.process_time()
-        self._since = time.perf_counter()
+    def __init__(self, first: int = 1, most: int = 40) -> None:
+        self.size, self.periods, self.begun = first, 0, time.process_time()
+        self._since, self._most = time.perf_counter(), most
 
     def timed(self, run: Any, *arguments: Any) -> Any:
         """The result; the next piece is as large as fits into the slice."""
         begun = time.perf_counter()
         result = run(*arguments)
         taken = max(time.perf_counter() - begun, 1e-5)
-        self.size = int(np.clip(self.size * SLICE / taken, max(1, self.size // 4), 4 * self.size + 1))
+        self.size = int(np.clip(self.size * SLICE / taken, max(1, self.size // 4), max(4 * self.size, self._most)))
         return result
 
     @property
@@ -323,7 +329,7 @@ class Grid:
 def basins(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
     """The cycle that each start of a grid over two states comes to."""
     grid = Grid(subject, asked)
-    work, queue, done = _Work(64), grid.queue(), 0
+    work, queue, done = _Work(4, 256), grid.queue(), 0
     threads = max(1, cores() - 1)
     head = {"kind": "basins", "axes": grid.axes, "ranges": grid.ranges, "cells": grid.n}
     cell, age = np.zeros(0, int), np.zeros(0, int)

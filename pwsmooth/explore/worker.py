@@ -6,6 +6,7 @@ pieces of a job, and a newer message ends it. Both end with their pipe.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import signal
 import time
@@ -54,7 +55,8 @@ def live(pipe: Any, subject: Subject) -> None:
                 header, arrays = {"kind": "pong"}, {}
         except (ValueError, TypeError, KeyError) as error:
             header, arrays = {"kind": "refused", "why": str(error.args[0] if error.args else error)}, {}
-        pipe.send_bytes(pack({**header, "seq": message.get("seq", 0), "to": kind}, arrays))
+        with contextlib.suppress(BrokenPipeError):  # the page has gone: the next look at the pipe tells it
+            pipe.send_bytes(pack({**header, "seq": message.get("seq", 0), "to": kind}, arrays))
 
 
 def maps(pipe: Any, subject: Subject) -> None:

@@ -52,6 +52,7 @@ class App {
     this.dark.addEventListener("change", () => { this.tint(); this.drawAll(); });
     this.narrow.addEventListener("change", () => this.arrange());
     this.frame();
+    this.starting = true;
     transport.open((frame) => this.hear(...unpack(frame)), (why) => { this.lost = true; this.tell(why, true); });
   }
   tint() {
@@ -85,20 +86,27 @@ class App {
     let later = 0;
     new ResizeObserver(() => { cancelAnimationFrame(later); later = requestAnimationFrame(() => this.drawAll()); }).observe(this.root);
   }
-  tell(text, bad = false) { this.notice.textContent = text; this.notice.hidden = !text; this.notice.classList.toggle("bad", bad); }
+  tell(text, bad = false, starting = false) { this.starting = starting; this.notice.textContent = text; this.notice.hidden = !text; this.notice.classList.toggle("bad", bad); }
 
   hear(header, arrays) {
     const { kind } = header;
     if (kind === "scene") return this.open(header);
-    if (kind === "ready") { this.tell(""); this.ready = true; return this.ask(); }
+    if (kind === "ready") { if (this.starting) this.tell(""); this.ready = true; return this.ask(); }
     if (kind === "killed") { this.inFlight = null; this.ready = false; return this.tell(header.why, true); }
+    if (kind === "figure" || header.to === "figure") {
+      for (const v of this.halted || []) v.start();
+      this.halted = [];
+      return kind === "figure" ? this.file(header, arrays.file) : this.saving?.replaceChildren(header.why);
+    }
     if (header.job !== undefined) {
       if (header.job !== this.job) return; // of a job that has been cancelled
-      if (kind === "figure") return this.file(header, arrays.file);
       const view = this.running;
       if (kind === "refused") { view?.refused(header.why); return this.next(); }
       view?.heard(header, arrays);
-      return header.finished ? this.next() : undefined;
+      if (!header.finished) return;
+      this.next();
+      if (view?.key === "diagram") this.moved();
+      return;
     }
     if (kind === "code") return this.show("As code", header.text);
     if (header.to === "orbit") {
@@ -156,7 +164,7 @@ class App {
     this.views = this.views.filter((v) => !v.why());
     for (const v of this.views) v.build();
     this.arrange();
-    if (!this.ready) this.tell("Compiling, up to a minute, once per machine ...");
+    if (!this.ready) { if (this.notice.hidden || this.starting) this.tell("Compiling, up to a minute, once per machine ...", false, true); }
     else this.ask();
   }
   // What the address says of the state; unknown keys and what is no number is dropped, with a note.
@@ -269,9 +277,11 @@ class App {
       : this.views.filter((v) => !this.hiddenMaps.includes(v.key)).sort((a, b) => place(a) - place(b));
     const order2 = narrow ? [...shownViews.filter((v) => v.key === "mechanism"), ...shownViews.filter((v) => v.key === "time"), this.tabs, ...shownViews.filter((v) => tabbed.includes(v))].map((v) => v.box || v) : shownViews.map((v) => v.box);
     this.main.replaceChildren(...order2, ...(narrow ? [] : this.missing.filter((v) => v.key === "diagram").map((v) => element("p", { class: "missing" }, `No diagram, basins or section: ${v.why()}.`))));
+    this.tabs.querySelector('[aria-selected="true"]')?.scrollIntoView({ block: "nearest", inline: "center" });
     this.main.dataset.small = shownViews.filter((v) => ["phase", "characteristic", "layer"].includes(v.key)).length;
     this.drawAll();
     this.moved();
+    if (this.orbit && !this.layer) this.askLayer();
   }
 
   // Two of the maps stand side by side; the menu in a caption puts another one there.
@@ -389,14 +399,25 @@ class App {
     const { p, x0 } = this.state;
     this.transport.send({ ...this.running.asked(), job: this.job, p, x0 });
   }
-  halt() { for (const v of [this.running, ...this.jobs]) v?.stop(); this.jobs = []; this.running = null; this.job++; this.transport.send({ kind: "stop", job: this.job }); }
+  halt() { const halted = [this.running, ...this.jobs].filter(Boolean); for (const v of halted) v.stop(); this.jobs = []; this.running = null; this.job++; this.transport.send({ kind: "stop", job: this.job }); return halted; }
   moved(anew = false) { // the state has come to rest: maps that are live follow it
     if (!this.ready || !this.orbit || this.lost) return;
     for (const key of ["diagram", "section", "basins"]) {
       const v = this.of(key);
       if (!v?.asked) continue;
-      if (!v.job || (v.live.checked && v.stale) || (anew && v.stale)) { if (key !== "basins" || v.job || !this.narrow.matches) v.start(); } else v.draw();
+      if (key === "basins" && !v.job && !this.quick(v)) continue;
+      if (!v.job || (v.live.checked && v.stale) || (anew && v.stale)) v.start(); else v.draw();
     }
+  }
+
+  // Basins begin by themselves where they will not take long, as the other maps have shown.
+  quick(view) {
+    if (this.narrow.matches) return true;
+    const h = this.views.find((v) => v.key === "diagram")?.job?.header;
+    if (!h?.finished) return false;
+    const seconds = (h.cpu / h.periods) * 9e5;
+    if (seconds > 40) view.say(`↻ shows which orbit each start leads to, in ${seconds > 90 ? `${Math.round(seconds / 60)} minutes` : "a minute"} or so.`);
+    return seconds <= 40;
   }
 
   // ---- what views ask of an orbit
@@ -474,7 +495,7 @@ class App {
   }
   code() { this.open2("As code", this.pick((view) => this.transport.send({ kind: "code", for: view, ...this.request() }), [["Write", ""]])); this.transport.send({ kind: "code", for: "time", ...this.request() }); }
   save() {
-    this.open2("Save figure", this.pick((view, format) => { this.halt(); this.saving.textContent = "Drawing ..."; this.transport.send({ kind: "figure", for: view, format, job: this.job, ...this.request() }); }, ["png", "pdf", "svg"].map((f) => [f.toUpperCase(), f])),
+    this.open2("Save figure", this.pick((view, format) => { this.halted = this.halt(); this.saving.textContent = "Drawing ..."; this.transport.send({ kind: "figure", for: view, format, ...this.request() }); }, ["png", "pdf", "svg"].map((f) => [f.toUpperCase(), f])),
       (this.saving = element("p", { class: "note" }, "Drawn by matplotlib in the package's style, with the script that makes it inside.")));
   }
   file(header, bytes) {
