@@ -50,6 +50,7 @@ COLOUR = {
     "nosnoc": "#E69F00",
     "solve_nivp": "#D55E00",
 }
+_POINTS, _A_STEP = 6000, 16  # of a curve, and of each step, which a reader may look at closely
 LINEAR_SHADE, NONLINEAR_SHADE = "#BDBDBD", "#E6E6E6"
 
 _RC: Any = {
@@ -310,7 +311,7 @@ class _Run(Protocol):
     def _holds(self, status: Any) -> Any: ...
     def _layer(self, switch: Any, t: float | None) -> Any: ...
     def __getitem__(self, name: Any) -> np.ndarray: ...
-    def __call__(self, t: Any, name: Any = None) -> np.ndarray: ...
+    def sample(self, points: int = ..., names: Any = None) -> Any: ...
 
 
 def plot_solution(sol: _Run, names: Sequence[Any] | None = None, axes: Any = None) -> np.ndarray:
@@ -352,7 +353,7 @@ def plot_solution(sol: _Run, names: Sequence[Any] | None = None, axes: Any = Non
         axes, len(wanted), (7.0, 0.6 + 1.5 * len(wanted)), f"{len(wanted)} names; give one for each"
     )
     held = [s for s in sol.segments if sol._holds(s.status)]
-    t, curves = _curves(sol, wanted)
+    t, curves, _ = _drawn(sol, wanted)
     for ax, name, curve in zip(panels, wanted, curves):
         for segment in held:
             ax.axvspan(segment.start, segment.end, color=LINEAR_SHADE, alpha=0.5, linewidth=0, zorder=0)
@@ -402,12 +403,10 @@ def plot_phase(sol: _Run, names: Sequence[Any], axes: Any = None) -> np.ndarray:
     if len(pair) != 2:
         raise ValueError(f"`phase` is {names!r}; give two names, the horizontal one first.")
     panels = axes_for(axes, 1, (4.5, 3.6), "one phase portrait; give one")
-    t, curves = _curves(sol, pair)
-    times, statuses = sol.course or (sol.t, sol.status)
+    _, curves, statuses = _drawn(sol, pair)
     changing = [status for status in statuses if np.ptp(status)]
     if changing:
-        status = np.sign(changing[0][np.searchsorted(times, t, side="right") - 1])
-        by_phase(panels[0], status, *curves, **_line(sol))
+        by_phase(panels[0], np.sign(changing[0]), *curves, **_line(sol))
     else:
         panels[0].plot(*curves, color=COLOUR["exact"], **_line(sol))
     _say_what_is_joined(sol, panels[0])
@@ -523,17 +522,12 @@ def axes_for(axes: Any, count: int, size: tuple[float, float], purpose: str) -> 
     return panels
 
 
-def _curves(sol: _Run, names: Sequence[Any], each: int = 16) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Times and values with `each` points a step where there is dense output; jumps keep both their sides."""
+def _drawn(sol: _Run, names: Sequence[Any]) -> tuple[np.ndarray, list[np.ndarray], np.ndarray]:
+    """Times, values and statuses (m, nt): with dense output of points between steps, else of the columns."""
     if sol.dense is None or len(sol.t) < 2:
-        return sol.t, [sol[name] for name in names]
-    # With `t_eval` the columns are not the steps.
-    knots = np.append(sol.t, getattr(sol.dense, "t0", sol.t))
-    knots = np.unique(np.clip(knots, sol.t[0], sol.t[-1]))
-    starts, ends = knots[:-1], knots[1:]
-    # A step's last point belongs to the step: exactly at its end the next one begins.
-    times = np.linspace(starts, np.nextafter(ends, starts), each, axis=1).ravel()
-    return times, [sol(times, name) for name in names]
+        return sol.t, [sol[name] for name in names], sol.status
+    drawn = sol.sample(max(_POINTS, _A_STEP * len(sol.t)), names)
+    return drawn.t, list(drawn.values.T), drawn.status[None]
 
 
 def _ends_of_steps(sol: _Run) -> bool:

@@ -471,10 +471,8 @@ class System(DescribedSystem):
         return other
 
     def _check_values(self):
-        if self._element and not self._view:
-            self._element.check_values(self.parameters)
-        else:
-            checks.values_fit(self._field, self.parameters)
+        of = self._element if self._element and not self._view else self._field
+        of.check_values(self.parameters)
 
     # ---- views
 

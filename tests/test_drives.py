@@ -218,7 +218,8 @@ def test_tables_pictures_and_text_leave_the_cell_of_the_record_out():
     )
     run = solve(system, SPAN, {y: 0, v: 0}, dense_output=True)
     for states in (
-        list(run.to_dataframe())[:3], list(run.sample(3))[:3], [ax.get_ylabel() for ax in run.plot()],
+        list(run.to_dataframe())[:3], list(run.to_dataframe(3))[:3], list(run.sample().names),
+        [ax.get_ylabel() for ax in run.plot()],
         run.to_dataset()["state_name"].values.tolist(),
     ):  # fmt: skip
         assert states == ["y", "v", "latch"]

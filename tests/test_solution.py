@@ -242,19 +242,19 @@ def test_the_dataset_can_be_interpolated_and_has_both_sides_of_a_jump():
         assert float(data[side].sel(state_name="v").item()) == pytest.approx(speed)
 
 
-def test_a_table_has_a_row_an_instant_and_a_sample_as_many_as_are_asked_for():
+def test_a_table_has_a_row_an_instant_or_as_many_as_are_asked_for():
     pytest.importorskip("pandas")
     run = bouncing()
-    table, sample = run.to_dataframe(), run.sample(7)
+    table, sample = run.to_dataframe(), run.to_dataframe(7)
     assert table.index.is_unique and {"y", "v", "R", "status_R", "energy"} == set(table.columns)
     # Every 1/4; at the impact the side after it, then y = (t - 1)/2 - (t - 1)^2/2.
     assert list(sample.index) == [0, 0.25, 0.5, 0.75, 1, 1.25, 1.5]
     np.testing.assert_allclose(sample["y"], [0.5, 0.46875, 0.375, 0.21875, 0, 0.09375, 0.125], atol=1e-12)
     np.testing.assert_allclose(sample["v"], [0, -0.25, -0.5, -0.75, 0.5, 0.25, 0], atol=1e-12)
     with pytest.raises(ValueError, match="`n` is 1; give an integer >= 2"):
-        run.sample(1)
+        run.to_dataframe(1)
     with pytest.raises(ValueError, match="dense_output=True"):
-        solve(run.system, (0, 1), [0.5, 0]).sample(3)
+        solve(run.system, (0, 1), [0.5, 0]).to_dataframe(3)
 
 
 def test_a_phase_portrait_has_the_colours_of_the_switch_that_changes():

@@ -6,7 +6,7 @@ import pytest
 import sympy as sp
 from front_models import PARAMETERS, ball, beta, gms, k, lam, oscillator, rho, t, v, x, z
 
-from pwsmooth import Event, Switch, System
+from pwsmooth import Event, Family, Switch, System
 
 
 def test_initial_states_are_named_or_positional_and_memories_have_defaults():
@@ -111,3 +111,30 @@ def ticking(period):
 def test_bad_definitions_are_refused_with_the_value_and_the_remedy(make, error, message):
     with pytest.raises(error, match=re.escape(message)):
         make()
+
+
+def test_changed_values_are_looked_at_without_walking_through_expressions(monkeypatch):
+    blocks = Family(4)
+    q, tau = *blocks.symbols("q"), *blocks.symbols("tau", nonnegative=True)
+    chain = System({q: -q / tau + blocks.neighbour(q, 1)}, parameters={tau: [1, 2, 3, 4]})
+    clock = sp.Symbol("T", positive=True)
+    ticks = System({x: -k * x}, parameters={k: 0, clock: 2}, events=[Event(every=clock / 2, update={x: 1})])
+    mapped = [
+        (chain, {"tau_2": 5}, {"tau_3": 0}),
+        (ticks, {clock: 3}, {clock: 0}),
+        (oscillator(), {rho: 0}, {beta: 0}),
+    ]
+
+    def change():
+        for system, good, bad in mapped:
+            system.with_parameters(good)
+            with pytest.raises(ValueError, match="divides by|value of 'T' is 0"):
+                system.with_parameters(bad)
+
+    def walked(self, *_, **__):
+        raise AssertionError(f"{self} was walked through")
+
+    change()
+    for name in ("atoms", "subs", "replace"):
+        monkeypatch.setattr(sp.Basic, name, walked)
+    change()

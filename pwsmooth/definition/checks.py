@@ -213,32 +213,6 @@ def parameter_value(symbol, value):
     return _fitting(symbol, value, "parameters")
 
 
-def values_fit(field, parameters):
-    """What values of parameters must satisfy beyond the assumptions of their symbols."""
-    zero = {p for p, value in parameters.items() if value == 0}
-    for x, rate in zip(field.states, field.rates) if zero else ():
-        for power in rate.atoms(sp.Pow):
-            base, exponent = power.args
-            inside = base.free_symbols
-            if inside & zero and inside <= parameters.keys() and exponent.is_negative:
-                if float(base.subs(parameters)) == 0:
-                    raise ValueError(
-                        f"the rate of {x.name!r} divides by {base}, which is 0 for {listing(inside & zero)} "
-                        "= 0. A vanishing time constant is a view: system.layered({z: sympy.oo})."
-                    )
-    for event in field.events:
-        if event.every is not None and not (every := _at(event.every, parameters)) > 0:
-            raise ValueError(f"`every` of event {event.name!r} is {event.every} = {every}; give a period > 0.")
-    for R, _, e in field.contacts:
-        if e.free_symbols <= parameters.keys() and not 0 <= (at := _at(e, parameters)) <= 1:
-            raise ValueError(f"the restitution {e} of contact {R.name!r} is {at}; give 0 <= e <= 1.")
-
-
-def _at(e, parameters):
-    """An expression at these values; most are a symbol, of which subs() takes a hundred times as long."""
-    return parameters[e] if e in parameters else e.subs(parameters)
-
-
 def lookup(key, symbols, what, owner):
     """The one of `symbols` that a Symbol or name stands for."""
     key = named(key)

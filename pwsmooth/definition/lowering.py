@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 import sympy as sp
 
+from . import checks
 from .discs import LiftedDisc, is_affine
 from .model import EventSpec, Model, Multiplier, of_event
 from .pointwise import draw, value
@@ -74,6 +75,40 @@ class Field:
                 if s in places:
                     places[s].append(e)
         return places
+
+    @cached_property
+    def _divisors(self):
+        """(state, base, its symbols) of the powers of parameters alone that divide a rate."""
+        own, found = set(self.parameters), []
+        for x, rate in zip(self.states, self.rates):
+            for base, exponent in (power.args for power in rate.atoms(sp.Pow)):
+                if base.free_symbols and base.free_symbols <= own and exponent.is_negative:
+                    found.append((x, base, base.free_symbols))
+        return found
+
+    @cached_property
+    def _restitutions(self):
+        own = set(self.parameters)
+        return [(R, e) for R, _, e in self.contacts if e.free_symbols <= own]
+
+    def check_values(self, parameters):
+        """What values of parameters must satisfy beyond the assumptions of their symbols, or a ValueError."""
+        # Sliders and fits come here at every move: expressions are walked through once.
+        zero = {p for p, number in parameters.items() if number == 0}
+        for x, base, symbols in self._divisors if zero else ():
+            if symbols & zero and value(base, parameters) == 0:
+                raise ValueError(
+                    f"the rate of {x.name!r} divides by {base}, which is 0 for {checks.listing(symbols & zero)} = 0. A "
+                    "vanishing time constant is a view: system.layered({z: sympy.oo})."
+                )
+        for event in self.events:
+            if event.every is not None and not (every := value(event.every, parameters)) > 0:
+                raise ValueError(
+                    f"`every` of event {event.name!r} is {event.every} = {every}; give a period > 0."
+                )
+        for R, e in self._restitutions:
+            if not 0 <= (at := value(e, parameters)) <= 1:
+                raise ValueError(f"the restitution {e} of contact {R.name!r} is {at}; give 0 <= e <= 1.")
 
     def switches_of(self, expressions):
         """The switches that stand in expressions or in surfaces of these, the inner ones first."""

@@ -9,6 +9,7 @@ Chain: family.py -> one_element (here), reading.py, lowering.py -> template.py.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import sympy as sp
 
@@ -120,16 +121,30 @@ class Element:
     memories: tuple[Memory, ...]
     groups: dict[str, tuple[str, ...]]
 
-    def check_values(self, parameters):
-        """`checks.values_fit` for the first element, and for every one that has a parameter 0."""
+    @cached_property
+    def _blocks(self):
+        """For every element, as many as the largest family has: (parameter of the one element, its own)."""
         families = self.model.families
+        assert families is not None
         of = families.template.families("parameters")
         blocks = list(zip(families.template.model.parameters, of, strict=True))
-        elements = [(s, k) for s, f in blocks if f is not None for k in range(families.sizes[f])]
-        for k in sorted({0, *(k for s, k in elements if parameters[families.symbol(s, k)] == 0)}):
-            at = {s: parameters[families.symbol(s, k)] for s, f in blocks if f is None or k < families.sizes[f]}
+        most = max((families.sizes[f] for _, f in blocks if f is not None), default=1)
+        return [
+            [(s, families.symbol(s, k)) for s, f in blocks if f is None or k < families.sizes[f]]
+            for k in range(most)
+        ]
+
+    @cached_property
+    def _element_of(self):
+        """Parameter of an element -> its number."""
+        return {own: k for k, block in enumerate(self._blocks) for s, own in block if own is not s}
+
+    def check_values(self, parameters):
+        """`Field.check_values` for the first element, and for every one that has a parameter 0."""
+        zero = (self._element_of.get(p, 0) for p, number in parameters.items() if number == 0)
+        for k in sorted({0, *zero}):
             try:
-                checks.values_fit(self.definition.field, at)
+                self.definition.field.check_values({s: parameters[own] for s, own in self._blocks[k]})
             except ValueError as error:
                 raise ValueError(named(str(error), k)) from None
 

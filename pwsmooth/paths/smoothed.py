@@ -6,14 +6,14 @@ Chain: solve -> **this file** -> stiff.py (the product's own methods, which neve
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..definition.pointwise import value
-from ..results.records import CONFLICTING_UPDATES, Ambiguity, EventRecord, Outcome, StepPolynomials
+from ..results.records import CONFLICTING_UPDATES, Ambiguity, EventRecord, Outcome, StepPolynomials, places
 from ..results.solution import Solution
 from .budget import Budget
 from .words import singular_cause, singular_record
@@ -28,6 +28,15 @@ class SciPyDense:
     def __call__(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """States (n, nt) and no multipliers (0, nt)."""
         return self.interpolant(t), np.zeros((0, len(t)))
+
+    def _placed(
+        self, points: int, end: float, wanted: Sequence[int]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As `Dense._placed`."""
+        knots = np.minimum(self.interpolant.ts, end)
+        steps = np.flatnonzero(np.diff(knots) > 0)
+        t = knots[steps, None] + np.diff(knots)[steps, None] * places(points, len(steps))
+        return steps, t, self.interpolant(t.ravel()).reshape(-1, *t.shape)[list(wanted)]
 
 
 def solve_smoothed(

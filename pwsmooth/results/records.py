@@ -292,6 +292,22 @@ class Dense:
                 s[i] = _arc(self.time_coefficients[piece[i]], self.length[piece[i]], t[i])
         return _horner(self.coefficients, piece, s), _horner(self.mult_coefficients, piece, s)
 
+    def _placed(self, points: int, end: float, wanted: Sequence[int]) -> _Placed:
+        """Numbers of the steps, times and values at even places of each one's own variable, `points` in all or so.
+
+        Shapes (steps,), (steps, places) and (rows, steps, places); `wanted` numbers the states, then the multipliers.
+        """
+        length = self.t1 - self.t0 if self.length is None else self.length
+        steps = np.flatnonzero(length > 0)
+        u, n, length = places(points, len(steps)), self.coefficients.shape[1], length[steps]
+        t = self.t0[steps, None] + length[:, None] * u
+        if self.time_coefficients is not None:
+            arcs = np.flatnonzero((self.time_coefficients[steps, 2:] != 0).any(axis=1))
+            if arcs.size:
+                t[arcs] = _at_places(self.time_coefficients[steps[arcs]], length[arcs], u)
+        rows = [self.coefficients[steps, k] if k < n else self.mult_coefficients[steps, k - n] for k in wanted]
+        return steps, t, np.stack([_at_places(row, length, u) for row in rows])
+
 
 @dataclass(frozen=True)
 class StepPolynomials:
@@ -312,6 +328,29 @@ class StepPolynomials:
         x = _horner(self.coefficients, piece, (t - self.t0[piece]) / self.length[piece])
         n = len(x) if self.n is None else self.n
         return x[:n], x[n:]
+
+    def _placed(self, points: int, end: float, wanted: Sequence[int]) -> _Placed:
+        """As `Dense._placed`, up to the end of the run; an event cuts the step that it is found on."""
+        length = np.append(self.t0[1:], end) - self.t0
+        steps = np.flatnonzero(length > 0)
+        u, length = places(points, len(steps)), length[steps]
+        ends, t = length / self.length[steps], self.t0[steps, None] + length[:, None] * u
+        return steps, t, np.stack([_at_places(self.coefficients[steps, k], ends, u) for k in wanted])
+
+
+_Placed = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def places(points: int, steps: int) -> np.ndarray:
+    """Even places on [0, 1]: no more than 33, as nine showed corners where a step is a quarter of a period."""
+    return np.linspace(0, 1, min(max(points // max(steps, 1), 2), 33))
+
+
+def _at_places(coefficients: np.ndarray, ends: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Values (steps, places) at ends*u of polynomials with coefficients (steps, K+1)."""
+    # A product a row: of all rows at once it is so large that the library wakes its threads, which takes longer.
+    powers = np.arange(coefficients.shape[1])
+    return (coefficients * ends[:, None] ** powers) @ u ** powers[:, None]
 
 
 def _arc(coefficients: np.ndarray, end: float, t: float) -> float:

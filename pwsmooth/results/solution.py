@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
+    from .sampling import Sampled
+
 MANY = 64  # multipliers, whose itinerary nobody reads
 _FOLLOWING = "algebraic", "component"  # multipliers that follow the state or a disc, and have no word in it
 
@@ -84,7 +86,7 @@ class Solution(Described):
 
     Columns are the ends of steps, which are long, and the events: ``solution["x"].max()`` is the largest of these and
     not of the motion. The extremes themselves have columns with an event where the rate vanishes, such as
-    ``Event(v)`` of a velocity v; ``solution.sample(1000)["x"].max()`` comes near, with dense output.
+    ``Event(v)`` of a velocity v; ``solution.sample()["x"].max()`` comes near, with dense output.
 
     Examples
     --------
@@ -459,7 +461,7 @@ class Solution(Described):
         """The solution as a labelled data set, whose times are unique.
 
         xarray's `interp` joins columns, the ends of long steps, by straight lines: values between them are those of
-        ``solution(t, name)`` and `sample`, with dense output.
+        ``solution(t, name)``, with dense output.
 
         Returns
         -------
@@ -494,42 +496,111 @@ class Solution(Described):
         coordinates = {"time": self.t[last], "event_time": ("event", at), "state_name": list(self._shown)}
         return xarray.Dataset(data, coords=coordinates, attrs=attributes)
 
-    def to_dataframe(self) -> pandas.DataFrame:
-        """The solution as a table over time: what `to_dataset` has over time, a column each.
+    def to_dataframe(self, n: int | None = None) -> pandas.DataFrame:
+        """The solution as a table over time, a column each for states, multipliers and outputs.
+
+        Parameters
+        ----------
+        n : int, optional
+            Instants evenly over the span, the ends among them, by the dense output; without it the solution's own, with
+            the statuses, as `to_dataset` has them.
 
         Returns
         -------
         pandas.DataFrame
             With unique times as its index, at an event the values after it. The list `events` makes a table of its own.
+
+        Raises
+        ------
+        ValueError
+            `n` where no dense output was kept.
         """
+        import pandas
+
+        if n is not None:
+            t = np.linspace(self.t[0], self.t[-1], checks.whole(n, "`n`", 2))
+            names = (*self._shown, *self.multipliers, *self.outputs)
+            return pandas.DataFrame({name: self(t, name) for name in names}, index=pandas.Index(t, name="time"))
         data = self.to_dataset()
         return data[
             [name for name, column in data.data_vars.items() if column.dims == ("time",)]
         ].to_dataframe()
 
-    def sample(self, n: int) -> pandas.DataFrame:
-        """States, multipliers and outputs at n instants evenly over the span.
+    def sample(
+        self,
+        points: int = 6000,
+        names: Sequence[Any] | None = None,
+        *,
+        chord: float | None = None,
+        scale: Mapping[Any, float] | None = None,
+    ) -> Sampled:
+        """Points to draw: even places of each step's own variable, in one matrix product, through folds too.
+
+        A few times as fast as ``solution(t)`` at so many times, and with both sides of every event.
 
         Parameters
         ----------
-        n : int
-            Number of instants, the ends among them.
+        points : int
+            About so many: each step has 2 to 33 of them.
+        names : sequence of str or Symbol, optional
+            States, multipliers or outputs; all states and multipliers without.
+        chord : float, dimensionless, optional
+            Drop points as long as the whole curve stays so near the chords between those that are kept, in units of
+            `scale`. The distance is that in the space of time and all `names`, so that it holds in every picture of
+            them.
+        scale : mapping of str to float, optional
+            What counts as 1, such as a pixel: of "t" and of each name, in its unit; by default the range of each.
 
         Returns
         -------
-        pandas.DataFrame
-            With the times as its index, at an event the values after it.
+        Sampled
+            The points; `Sampled.t`, `Sampled.values`, or by name.
 
         Raises
         ------
-        ValueError
-            No dense output was kept.
-        """
-        import pandas
+        ValueError, TypeError
+            No dense output was kept; an unknown name; a number that is not positive.
 
-        t = np.linspace(self.t[0], self.t[-1], checks.whole(n, "`n`", 2))
-        names = (*self._shown, *self.multipliers, *self.outputs)
-        return pandas.DataFrame({name: self(t, name) for name in names}, index=pandas.Index(t, name="time"))
+        Examples
+        --------
+        >>> import sympy as sp
+        >>> from pwsmooth import System, solve
+        >>> x, v = sp.symbols("x v", real=True)
+        >>> solution = solve(System({x: v, v: -x - sp.sign(v)}), (0, 10), {x: 3.5, v: 0}, dense_output=True)
+        >>> drawn = solution.sample(200, ["x", "v"])
+        >>> float(drawn["x"].max()), len(solution.sample(200, ["x", "v"], chord=0.01)) < len(drawn)
+        (3.5, True)
+        """
+        from .sampling import sampled
+
+        if self.dense is None:
+            raise ValueError(
+                "No dense output was kept; solve with `dense_output=True` to draw what is between steps."
+            )
+        points = checks.whole(points, "`points`", 2)
+        known = (*self.states, *self.multipliers, *self.outputs)
+
+        def name_of(key: Any, what: str, of: Sequence[str]) -> str:
+            name = str(checks.key(key, what))
+            if name not in of:
+                raise ValueError(f"{what} has {name!r}, which is {self._none_of_these}")
+            return name
+
+        given = (*self._shown, *self.multipliers) if names is None else checks.several(names, "`names`")
+        chosen = [name_of(name, "`names`", known) for name in given]
+        if not chosen:
+            raise ValueError("`names` is empty; give at least one, or leave it out.")
+        sizes = checks.mapping({} if scale is None else scale, "`scale`", "names to sizes of a unit")
+        return sampled(
+            self,
+            points,
+            chosen,
+            checks.optional(checks.positive)(chord, "`chord`"),
+            {
+                name_of(key, "`scale`", ("t", *known)): checks.positive(size, f"`scale` of {key}")
+                for key, size in sizes.items()
+            },
+        )
 
     def plot(
         self, names: Sequence[Any] | None = None, axes: Any = None, *, phase: Sequence[Any] | None = None

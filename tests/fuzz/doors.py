@@ -521,6 +521,8 @@ def subjects():
         "Family.neighbour": (elements.neighbour, dict(member=member, offset=1, outside=0)),
         "Family.memory": (elements.memory, dict(name="q", initial=1)),
         "Solution.__call__": (run, dict(t=1.0, name="x")),
+        "Solution.sample": (run.sample, dict(points=50, names=["x", "a"], chord=0.1, scale={"x": 1.0})),
+        "Solution.to_dataframe": (run.to_dataframe, dict(n=3)),
         "Solution.event_times": (run.event_times, dict(kind="stick")),
         "Scene.solve": (scene.solve, dict(t_span=(0, 1), x0=None, **short)),
         "Scene.observe": (scene.observe, dict(solution=scene.solve())),

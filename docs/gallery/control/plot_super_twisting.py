@@ -57,8 +57,8 @@ for name, result, colour in (
     ("no disturbance", sol, "#0072B2"),
     ("disturbed", run, "#D55E00"),
 ):
-    table = result.sample(3000)
-    ax.plot(table.index, table["s"], color=colour, label=f"s, {name}")
+    table = result.sample(names=["s"])
+    ax.plot(table.t, table["s"], color=colour, label=f"s, {name}")
 ax.set(xlabel="t", ylabel="s")
 ax.legend()
 plt.show()

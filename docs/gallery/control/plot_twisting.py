@@ -58,9 +58,9 @@ for name, result, colour in (
     ("d = 0", sol, "#0072B2"),
     ("d = 0.8 sin 2t", run, "#D55E00"),
 ):
-    table = result.sample(3000)
+    table = result.sample(names=["x", "v", "control"])
     left.plot(table["x"], table["v"], color=colour, label=name)
-    right.plot(table.index, table["control"], color=colour, linewidth=0.8)
+    right.plot(table.t, table["control"], color=colour, linewidth=0.8)
 left.set(xlabel="x", ylabel="v")
 left.legend()
 right.set(xlabel="t", ylabel="control (its mean where it slides)")

@@ -66,9 +66,9 @@ print(f"locked after {lock:.4f} s; by hand {exact:.4f} m")
 # %%
 fig, axes = plt.subplots(1, 2, figsize=(7.5, 3), sharey=True)
 for ax, run, name in zip(axes, (antilock, locked), ("antilock", "locked")):
-    table = run.sample(3000)
-    ax.plot(table.index, table["v"], color="#000000", label="car")
-    ax.plot(table.index, table["u"], color="#0072B2", label="wheel")
+    table = run.sample()
+    ax.plot(table.t, table["v"], color="#000000", label="car")
+    ax.plot(table.t, table["u"], color="#0072B2", label="wheel")
     ax.set(xlabel="t (s)", xlim=(0, 4), title=f"{name}: {run['x'][-1]:.1f} m")
 axes[0].set_ylabel("speed (m/s)")
 axes[1].legend()

@@ -69,8 +69,8 @@ print(f"by yielding: {sol['E_yield'][-1] / sol['E_in'][-1]:.0%}")
 
 # %%
 fig, (top, loop) = plt.subplots(1, 2, figsize=(7.5, 3.2), width_ratios=(3, 2))
-run = sol.sample(3000)
-top.plot(run.index, run["ground"], color="0.6", linewidth=0.8)
+run = sol.sample(names=["x", "z", "ground"])
+top.plot(run.t, run["ground"], color="0.6", linewidth=0.8)
 top.set(xlabel="t (s)", ylabel="ground acceleration (m/s²)", xlim=(0, 20))
 restoring = omega**2 * (alpha * run["x"] + (1 - alpha) * run["z"])
 loop.plot(1e3 * run["x"], restoring, color="#0072B2", linewidth=0.8)

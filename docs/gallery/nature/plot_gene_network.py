@@ -60,7 +60,7 @@ for steepness, grey in ((10, "0.8"), (40, "0.65"), (200, "0.45")):
     run = hill(steepness)
     axes[0].plot(*run.y, color=grey, label=f"Hill, n = {steepness}")
     ends[steepness] = 1 / (1 + run.y[:, -1] ** -float(steepness))
-smooth = sol.sample(3000)
+smooth = sol.sample()
 axes[0].plot(smooth["x1"], smooth["x2"], color="#0072B2", label="limit, exact")
 axes[0].set(xlabel="x1", ylabel="x2")
 axes[0].legend()

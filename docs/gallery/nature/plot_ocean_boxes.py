@@ -60,7 +60,7 @@ fig, ax = plt.subplots(figsize=(7, 3.6))
 for low, high, line in ((-0.1, 0.5, "-"), (0.5, 1, ":"), (1, 1.3, "-")):
     at = np.linspace(low, high, 200)
     ax.plot(np.abs(1 - at) * at, 1 - at, line, color="#000000")
-run = sol.sample(2000)
+run = sol.sample(names=["F", "q"])
 ax.plot(run["F"], run["q"], color="#0072B2", label="slow change")
 ax.plot(0.25 + mu * reversal, 0, "o", color="#D55E00", label="reversal")
 ax.set(xlabel="fresh water F", ylabel="circulation q", xlim=(-0.08, 0.36))

@@ -48,7 +48,7 @@ fig, ax = plt.subplots(figsize=(7, 3.8))
 open_world = solve(
     world, (0, 100), {x: 2.5, y: 0.3}, parameters={h: 1e-6}, dense_output=True
 )
-free = open_world.sample(2000)
+free = open_world.sample()
 ax.plot(free["x"], free["y"], color="0.75", linewidth=1)
 for start in ((2.5, 0.3), (0.2, 1.8), (3.5, 1.2), (0.5, 0.4)):
     run = solve(world, (0, 60), start, dense_output=True)
