@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -10,6 +11,8 @@ import numpy as np
 import sympy as sp
 
 from ..definition import checks
+from ..definition.lambdified import numpy_function
+from ..definition.model import Model
 from ..results.layers import field_over
 from ..results.outputs import vectorised
 from ..results.solution import Solution
@@ -58,7 +61,7 @@ class Live:
             "kind": "orbit", "names": names, "t_span": [float(solution.t[0]), float(solution.t[-1])],
             "asked": list(span), "ok": solution.success, "said": "" if solution.success else solution.message,
             "stopped": None if solution.success else float(solution.t[-1]), "period": self.period,
-            "events": _events(solution), "held": _held(solution), "lines": _lines(self.subject, solution, asked),
+            "events": _events(solution), "held": _held(solution), "lines": _lines(solution, asked),
             "ambiguities": [[a.time, str(a)] for a in solution.ambiguities][:20],
             "end": {n: float(v) for n, v in zip(solution.states[:100], solution.x[:, -1])},
             "ms": [1e3 * (solved - begun), 1e3 * (time.perf_counter() - solved)],
@@ -140,17 +143,17 @@ def sampled(solution: Solution, names: list[str]) -> tuple[np.ndarray, np.ndarra
     """Times (m,), statuses (m, switches) and values (names, m), even in each step's own variable."""
     plain = [n for n in names if not n.startswith("h:")]
     if len(plain) == len(names):
-        found = _sample(solution, POINTS, names)
-        return found.t, found.status, found.values.T
+        found = solution.sample(POINTS, names)
+        return found.t, found.statuses, found.values.T
     own = [*solution.states, *solution.multipliers]
-    found = _sample(solution, POINTS, [*own, *plain])
+    found = solution.sample(POINTS, [*own, *plain])
     rows = dict(zip(found.names, found.values.T))
     model, p = solution.model, [solution.parameters[str(s)] for s in solution.model.parameters]
     for m in model.multipliers:
         if f"h:{m.symbol}" in names:
             h = vectorised(model, m.surface)(found.t, *(rows[n] for n in own), *p)
             rows[f"h:{m.symbol}"] = np.broadcast_to(h, found.t.shape)
-    return found.t, found.status, np.array([rows[n] for n in names])
+    return found.t, found.statuses, np.array([rows[n] for n in names])
 
 
 def _events(solution: Solution) -> list[list[Any]]:
@@ -161,31 +164,36 @@ def _events(solution: Solution) -> list[list[Any]]:
 
 def _held(solution: Solution) -> list[list[float]]:
     """(start, end, number of held switches or contacts) of the segments in which some are."""
-    held = []
-    for s in solution.segments:
-        count = int(np.sum(solution._holds(np.array(s.status)[:, None]) if len(s.status) else 0))
-        if count:
-            held.append([s.start, s.end, sum(v == 0 for v in s.status)])
-    return held[: 4 * _TICKS]
+    segments = solution.segments
+    if not len(solution.mult):
+        return []
+    status = np.array([s.status for s in segments]).T
+    held, count = solution._holds(status), (status == 0).sum(axis=0)
+    return [[s.start, s.end, int(n)] for s, h, n in zip(segments, held, count) if h][: 4 * _TICKS]
 
 
-def _lines(subject: Subject, solution: Solution, asked: Mapping[str, Any]) -> list[list[float]]:
+def _lines(solution: Solution, asked: Mapping[str, Any]) -> list[list[float]]:
     """(a, b, c) of surfaces a x + b y + c = 0 that are straight lines of the phase plane."""
-    model, pair = solution.model, [str(n) for n in asked.get("phase", ())]
+    pair = tuple(str(n) for n in asked.get("phase", ()))
+    if len(pair) != 2 or solution.model.families is not None:
+        return []
+    p = [solution.parameters[str(s)] for s in solution.model.parameters]
+    return [[float(c(*p)) for c in line] for line in _straight(solution.model, pair)]
+
+
+@functools.lru_cache(maxsize=64)
+def _straight(model: Model, pair: tuple[str, ...]) -> list[list[Any]]:
+    """Functions of the parameters: coefficients of the surfaces that are straight in two states."""
     states = {s.name: s for s in model.states}
-    if model.families is not None or len(pair) != 2 or not set(pair) <= set(states):
+    if not set(pair) <= set(states) or pair[0] == pair[1]:
         return []
     x, y = (states[n] for n in pair)
     found = []
-    values = {s: solution.parameters[str(s)] for s in model.parameters}
-    for m in model.multipliers:
-        h = m.surface
-        if h is None or h.free_symbols - {x, y} - set(values) or not h.is_polynomial(x, y):
+    for h in (m.surface for m in model.multipliers):
+        if h is None or h.free_symbols - {x, y, *model.parameters} or not h.is_polynomial(x, y):
             continue
-        poly = sp.Poly(h, x, y)
-        if poly.total_degree() == 1:
-            at = [float(poly.coeff_monomial(mono).subs(values)) for mono in (x, y, 1)]
-            found.append(at)
+        if (poly := sp.Poly(h, x, y)).total_degree() == 1:
+            found.append([numpy_function(model.parameters, poly.coeff_monomial(m)) for m in (x, y, 1)])
     return found
 
 
@@ -226,15 +234,3 @@ def said_of(solution: Solution, period: float | None) -> str:
     if solution.ambiguities:
         words.append(f"{len(solution.ambiguities)} places from which it is not unique")
     return ", ".join(words)
-
-
-def _sample(solution: Solution, points: int, names: list[str]) -> Any:  # until Solution.sample is there
-    from types import SimpleNamespace
-
-    t = np.unique(solution.t)
-    each = int(np.clip(points / max(1, len(t) - 1), 2, 33))
-    starts, ends = t[:-1], t[1:]
-    times = np.linspace(starts, np.nextafter(ends, starts), each, axis=1).ravel()
-    where = np.clip(np.searchsorted(solution.t, times, side="right") - 1, 0, len(solution.t) - 1)
-    values = np.array([solution(times, n) for n in names]).T
-    return SimpleNamespace(t=times, status=solution.status[:, where].T, values=values, names=tuple(names))

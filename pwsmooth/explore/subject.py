@@ -9,9 +9,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import sympy as sp
 
 from ..definition import checks
+from ..definition.lambdified import numpy_function
 from ..results.solution import Solution
 from ..scenes.scene import Scene
 from ..sweep.study import Names, Study, StudyError, SystemTable, law_of, read_study, system_of
@@ -72,9 +74,18 @@ class Subject:
         """The period where parameters have other values; None without one."""
         if self.period is None:
             return None
-        values = {s: parameters.get(s.name, value) for s, value in self.system.parameters.items()}
-        found = sp.sympify(self.period).xreplace({s: sp.Float(v) for s, v in values.items()})
-        return float(found) if found.is_finite and found > 0 else None
+        with np.errstate(all="ignore"):  # a frequency may be 0
+            found = float(self._period(*(parameters.get(s.name, v) for s, v in self.system.parameters.items())))
+        return found if 0 < found < math.inf else None
+
+    @cached_property
+    def _period(self) -> Any:
+        symbols = tuple(self.system.parameters)
+        made = numpy_function(symbols, sp.sympify(self.period)) if symbols else lambda: self.period
+        return lambda *values: made(*map(np.float64, values))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name not in ("_period", "scene")}
 
 
 def subject_of(

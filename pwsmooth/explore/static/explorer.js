@@ -279,6 +279,7 @@ class App {
     this.main.replaceChildren(...order2, ...(narrow ? [] : this.missing.filter((v) => v.key === "diagram").map((v) => element("p", { class: "missing" }, `No diagram, basins or section: ${v.why()}.`))));
     this.tabs.querySelector('[aria-selected="true"]')?.scrollIntoView({ block: "nearest", inline: "center" });
     this.main.dataset.small = shownViews.filter((v) => ["phase", "characteristic", "layer"].includes(v.key)).length;
+    if (this.running && !this.running.box.isConnected) for (const v of this.halt()) v.job = null;
     this.drawAll();
     this.moved();
     if (this.orbit && !this.layer) this.askLayer();
