@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
+import numpy as np
 import sympy as sp
 
 from .. import plotting
@@ -16,8 +18,11 @@ LIMITS = {"span": 1000.0, "periods": 500, "steps": 200_000, "seconds": 2.0, "col
 MOST = 100  # states, of which all are listed; of more these first ones
 
 
-def describe(subject: Subject) -> dict[str, Any]:
-    """Title, names, sliders, views with why those that are not there are not, colours: JSON."""
+def describe(subject: Subject, solution: Any = None) -> dict[str, Any]:
+    """Title, names, sliders, views with why those that are not there are not, colours: JSON.
+
+    With a first solution the ranges of the states are those that its motion suggests.
+    """
     system, model = subject.system, subject.system.model
     states = [s.name for s in model.states[: len(model.states) - model.n_memory]][:MOST]
     multipliers = [str(m.symbol) for m in model.multipliers if m.kind != "component"][:MOST]
@@ -35,6 +40,7 @@ def describe(subject: Subject) -> dict[str, Any]:
         "start": {name: subject.start[name] for name in states},
         "t_span": list(subject.t_span),
         "period": subject.period_at({}),
+        "axes": {name: _reach(subject.start[name], k, solution) for k, name in enumerate(states)},
         "controls": controls(subject),
         "names": (states + outputs)[:2],
         "phase": _phase(states, outputs),
@@ -71,9 +77,10 @@ def characteristic(model: Model) -> list[str]:
     for m in found:
         slip = str(m.surface) if m.surface in model.states else f"h:{m.symbol}"
         named = [n for n, symbols in forces.items() if n in ("friction", "force") or m.symbol in symbols]
-        if named:
+        if named and (m.surface in model.states or named[0] in ("friction", "force")):
             return [slip, named[0]]
-        return [slip, str(m.symbol)]
+        if m.surface in model.states:
+            return [slip, str(m.symbol)]
     return []
 
 
@@ -106,12 +113,15 @@ def _map(subject: Subject, states: list[str]) -> dict[str, Any]:
         "ok": True,
         "parameter": next((n for n in subject.ranges if n in controlled), (controlled or [None])[0]),
         "basins": len(states) > 1,
-        "axes": {name: _around(subject.start[name]) for name in states},
     }
 
 
-def _around(value: float) -> list[float]:
-    reach = max(2.0, 2 * abs(value))
+def _reach(start: float, k: int, solution: Any) -> list[float]:
+    """A range of state k for sliders and basins: half as far again as the motion, in round numbers."""
+    row = np.array([start]) if solution is None else np.append(solution.x[k][np.isfinite(solution.x[k])], start)
+    most = 1.3 * float(np.abs(row).max()) or 1.0
+    power = 10.0 ** math.floor(math.log10(most))
+    reach = next(float(f"{r * power:.3g}") for r in (1, 1.5, 2, 2.5, 3, 4, 5, 8, 10) if r * power >= 0.999 * most)
     return [-reach, reach]
 
 

@@ -142,11 +142,14 @@ def _numbers(given: Any, what: str) -> dict[str, float]:
 def sampled(solution: Solution, names: list[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times (m,), statuses (m, switches) and values (names, m), even in each step's own variable."""
     plain = [n for n in names if not n.startswith("h:")]
+    # A step of many may still be long: all get eight places then, and what shows no bend is dropped again.
+    many = len(solution.t) > POINTS // 8
+    points, chord = (min(8 * len(solution.t), 8 * POINTS), 5e-4) if many else (POINTS, None)
     if len(plain) == len(names):
-        found = solution.sample(POINTS, names)
+        found = solution.sample(points, names, chord=chord)
         return found.t, found.statuses, found.values.T
     own = [*solution.states, *solution.multipliers]
-    found = solution.sample(POINTS, [*own, *plain])
+    found = solution.sample(points, [*own, *plain], chord=chord)
     rows = dict(zip(found.names, found.values.T))
     model, p = solution.model, [solution.parameters[str(s)] for s in solution.model.parameters]
     for m in model.multipliers:

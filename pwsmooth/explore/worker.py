@@ -25,17 +25,10 @@ _WARM = {"columns": 2, "keep": 32}
 def live(pipe: Any, subject: Subject) -> None:
     """Answers "orbit", "layer", "sentence", "code" and "view"."""
     from .code import script
-    from .live import Live
     from .presets import in_view
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server says when it is over
-    current = Live(subject)
-    known = describe(subject)
-    pipe.send_bytes(pack({"kind": "scene", **known}))
-    names = [*known["states"][:8], *known["outputs"], *known["characteristic"]]
-    current.orbit({"names": names, "phase": known["phase"]})  # compiles, or loads what was compiled
-    for name in known["switches"][:1]:
-        current.layer({"switch": name, "t": subject.t_span[0]})
+    current = _opened(subject, pipe)
     pipe.send_bytes(pack({"kind": "ready"}))
     for message in _newest(pipe):
         kind = message.get("kind")
@@ -49,14 +42,27 @@ def live(pipe: Any, subject: Subject) -> None:
             elif kind == "code":
                 header, arrays = {"kind": "code", "text": script(current.subject, message)}, {}
             elif kind == "view":
-                current = Live(in_view(subject, str(message.get("view", ""))))
-                header, arrays = {"kind": "scene", **describe(current.subject)}, {}
+                current = _opened(in_view(subject, str(message.get("view", ""))), pipe)
+                continue
             else:
                 header, arrays = {"kind": "pong"}, {}
         except (ValueError, TypeError, KeyError) as error:
             header, arrays = {"kind": "refused", "why": str(error.args[0] if error.args else error)}, {}
         with contextlib.suppress(BrokenPipeError):  # the page has gone: the next look at the pipe tells it
             pipe.send_bytes(pack({**header, "seq": message.get("seq", 0), "to": kind}, arrays))
+
+
+def _opened(subject: Subject, pipe: Any) -> Any:
+    """Live of a subject, compiled, whose scene the page has been told."""
+    from .live import Live
+
+    current, known = Live(subject), describe(subject)
+    names = [*known["states"][:8], *known["outputs"][:8], *known["characteristic"]]
+    current.orbit({"names": names, "phase": known["phase"]})  # compiles, or loads what was compiled
+    for name in known["switches"][:1]:
+        current.layer({"switch": name, "t": subject.t_span[0]})
+    pipe.send_bytes(pack({"kind": "scene", **describe(subject, current.solution)}))
+    return current
 
 
 def maps(pipe: Any, subject: Subject) -> None:

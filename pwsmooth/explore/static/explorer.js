@@ -150,13 +150,13 @@ class App {
     const own = Object.fromEntries(scene.controls.map((c) => [c.name, c.value]));
     const fresh = { v: 1, view: this.view, p: own, x0: { ...scene.start }, t_span: [...scene.t_span], cursor: scene.t_span[0] + 0.62 * (scene.t_span[1] - scene.t_span[0]), names: [...scene.names],
       phase: [...scene.phase], switch: scene.switches[0] || "", diagram: { parameter: scene.map.parameter || "", range: null, y: scene.states[0], carry: 0 },
-      basins: { axes: scene.states.slice(0, 2), ranges: scene.map.ok ? scene.states.slice(0, 2).map((n) => scene.map.axes[n]) : [] }, ranges: {} };
+      basins: { axes: scene.states.slice(0, 2), ranges: scene.states.slice(0, 2).map((n) => scene.axes[n]) }, ranges: {} };
     if (scene.map.first) fresh.diagram.parameter = scene.map.first;
     this.state = this.restored(fresh);
     if (this.fragmentView && this.fragmentView !== this.view) { this.view = this.fragmentView; return this.transport.send({ kind: "view", view: this.view }); }
     document.title = `${scene.title} · pwsmooth explore`;
     this.heading.textContent = (scene.title[0].toUpperCase() + scene.title.slice(1)).replace(/, /g, " · ");
-    this.sub.textContent = scene.note;
+    this.sub.textContent = this.sub.title = scene.note;
     this.tint();
     this.controls();
     this.views = VIEWS.map((V) => new V(this)).filter((v) => !scene.views.length || scene.views.includes(v.key));
@@ -176,6 +176,7 @@ class App {
       return [n, Number.isFinite(v) ? v : known[n]];
     }));
     let given;
+    setTimeout(() => { this.turned = false; });
     try { given = decoded(this.fragment); } catch { this.fragment = ""; this.tell("The state in this address cannot be read; the system's own is shown.", true); return fresh; }
     this.fragment = "";
     const names = new Set([...this.scene.states, ...this.scene.multipliers, ...this.scene.outputs]), known = (list, n) => Array.isArray(list) && list.length && list.length <= n && list.every((x) => names.has(x));
@@ -190,7 +191,7 @@ class App {
       diagram: { parameter: d.parameter in fresh.p ? d.parameter : fresh.diagram.parameter, range: pair(d.range) ? d.range : null, y: this.scene.states.includes(d.y) ? d.y : fresh.diagram.y, carry: [1, -1].includes(d.carry) ? d.carry : 0 },
       basins: Array.isArray(b.axes) && b.axes.length === 2 && b.axes.every((n) => this.scene.states.includes(n)) && Array.isArray(b.ranges) && b.ranges.every(pair) ? { axes: b.axes, ranges: b.ranges } : fresh.basins,
       ranges: Object.fromEntries(Object.entries(given.ranges || {}).filter(([n, r]) => n in fresh.p && pair(r))) };
-    if (dropped.length) this.tell(`Not of this system, and left out: ${dropped.join(", ")}.`);
+    if (dropped.length && !this.turned) this.tell(`Not of this system, and left out: ${dropped.join(", ")}.`);
     return state;
   }
 
@@ -229,9 +230,8 @@ class App {
         onchange: (e) => { const r = [min, max]; r[k] = e.target.valueAsNumber; if (r[1] > r[0]) { state.ranges[c.name] = r; this.controls(); this.of("diagram")?.draw(); } else e.target.value = plain([min, max][k]); } }))));
       return row;
     };
-    const around = (v) => { const r = Math.max(2, 2 * Math.abs(v)); return [-r, r]; };
     const rows = scene.controls.map((c) => slider(c, () => state.p[c.name], (v) => { this.remember(); state.p[c.name] = v; }));
-    const starts = scene.states.slice(0, 12).map((n) => { const [min, max] = around(scene.start[n]); return slider({ name: n, key: `x0.${n}`, label: n, min, max, unit: scene.units[n] || "" }, () => state.x0[n], (v) => { this.remember(); state.x0[n] = v; }); });
+    const starts = scene.states.slice(0, 12).map((n) => { const [min, max] = scene.axes[n]; return slider({ name: n, key: `x0.${n}`, label: n, min, max, unit: scene.units[n] || "" }, () => state.x0[n], (v) => { this.remember(); state.x0[n] = v; }); });
     const ends = [0, 1].map((k) => element("input", { type: "number", step: "any", value: plain(state.t_span[k]), "aria-label": k ? "end of the span" : "begin of the span",
       onchange: (e) => { const s = [...state.t_span]; s[k] = e.target.valueAsNumber; if (s[1] > s[0]) { this.remember(); state.t_span = s; this.ask(); } else e.target.value = plain(state.t_span[k]); } }));
     this.fields.span = { ends };
@@ -246,7 +246,7 @@ class App {
   }
   last(row) { if (this.lastRow !== row) { this.lastRow?.classList.remove("last"); row?.classList.add("last"); this.lastRow = row; } }
   pull() { const open = this.side.classList.toggle("open"); this.handle.setAttribute("aria-expanded", String(open)); }
-  turn(view) { this.view = view; this.ghosts = []; this.fragment = encoded({ ...this.state, view }); this.fragmentView = view; this.transport.send({ kind: "view", view }); this.tell("Deriving ..."); }
+  turn(view) { this.view = view; this.turned = true; this.ghosts = []; this.fragment = encoded({ ...this.state, view }); this.fragmentView = view; this.transport.send({ kind: "view", view }); this.tell("Deriving ..."); }
   reset() { this.remember(); const s = this.scene; this.write({ p: Object.fromEntries(s.controls.map((c) => [c.name, c.value])), x0: { ...s.start }, t_span: [...s.t_span] }); }
   numbers() {
     if (!this.table?.parentElement.open) return;
@@ -365,7 +365,7 @@ class App {
   // ---- requests
   ask() {
     if (!this.scene || this.lost) return;
-    const { state: s, scene } = this, names = [...new Set([...s.names, ...s.phase, ...scene.characteristic, ...s.basins.axes, ...scene.states.slice(0, 8)])];
+    const { state: s, scene } = this, names = [...new Set([...s.names, ...s.phase, ...scene.characteristic, ...(scene.map.ok ? s.basins.axes : [])])];
     this.waiting = { kind: "orbit", p: { ...s.p }, x0: { ...s.x0 }, t_span: s.t_span, names, phase: s.phase };
     this.note();
     if (this.inFlight === null && this.ready) this.send();
@@ -407,7 +407,7 @@ class App {
       const v = this.of(key);
       if (!v?.asked) continue;
       if (key === "basins" && !v.job && !this.quick(v)) continue;
-      if (!v.job || (v.live.checked && v.stale) || (anew && v.stale)) v.start(); else v.draw();
+      if (!v.job || (v.live.checked && v.stale) || (anew && v.stale)) v.start(true); else v.draw();
     }
   }
 
@@ -415,8 +415,8 @@ class App {
   quick(view) {
     if (this.narrow.matches) return true;
     const h = this.views.find((v) => v.key === "diagram")?.job?.header;
-    if (!h?.finished) return false;
-    const seconds = (h.cpu / h.periods) * 9e5;
+    if (!h || this.running) return false;
+    const seconds = (h.cpu / h.periods) * 9e5; // ten periods a start
     if (seconds > 40) view.say(`↻ shows which orbit each start leads to, in ${seconds > 90 ? `${Math.round(seconds / 60)} minutes` : "a minute"} or so.`);
     return seconds <= 40;
   }

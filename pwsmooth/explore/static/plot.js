@@ -29,13 +29,16 @@ export function ticks(low, high, most) {
   return found;
 }
 
+// A number among others that span so much, to as many digits as tell them apart.
 export function shown(value, span) {
-  if (value === 0 || Math.abs(value) < 1e-9 * span) return "0";
+  if (Math.abs(value) < 1e-9 * span) return "0";
   const size = Math.abs(value);
-  if (size >= 1e5 || size < 1e-3) return value.toExponential(Math.max(0, digits(value, span) - 1)).replace("-", "−").replace("e+", "e").replace("e-", "e−");
-  return value.toFixed(Math.max(0, Math.min(8, 2 - Math.floor(Math.log10(span))))).replace(/(\.\d*?)0+$/, "$1").replace(/\.$/, "").replace("-", "−");
+  const text = size >= 1e5 || size < 1e-3 ? value.toExponential(2) : value.toFixed(Math.max(0, Math.min(8, 2 - Math.floor(Math.log10(span)))));
+  return text.replace(/(\.\d*?)0+(?=e|$)/, "$1").replace(/\.(?=e|$)/, "").replace("e+", "e").replace(/-/g, "−");
 }
-const digits = (value, span) => Math.max(1, Math.min(4, Math.ceil(Math.log10(Math.abs(value) / span)) + 2));
+// A power of ten that is told once for all ticks of an axis, where these are very small or large.
+const power = (axis) => { const most = Math.max(Math.abs(axis.low), Math.abs(axis.high)); return most < 0.02 || most >= 2e4 ? Math.floor(Math.log10(most)) : 0; };
+const times = (k) => (k ? ` ×10${String(k).replace(/[-\d]/g, (c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)])}` : "");
 
 // The number of a field: short, and the same when it is read again.
 export const plain = (value) => (Number.isFinite(value) ? String(+value.toPrecision(6)) : "");
@@ -129,22 +132,23 @@ export class Plot {
     ctx.font = `11px ${theme.font}`; ctx.fillStyle = theme.muted; ctx.lineWidth = 1;
     ctx.textAlign = "center"; ctx.textBaseline = "top";
     const xs = this.x.high - this.x.low, ys = this.y.high - this.y.low, label = this.width - this.right;
+    const kx = power(this.x), ky = power(this.y), [across, up] = [this.labels[0] && this.labels[0] + times(kx), this.labels[1] + times(ky)];
     ctx.font = `italic 12px ${theme.font}`;
-    const wide = ctx.measureText(this.labels[0]).width;
+    const wide = ctx.measureText(across).width;
     ctx.font = `11px ${theme.font}`;
     if (this.bottom > 20) for (const t of this.xticks()) {
-      const text = shown(t, xs), half = ctx.measureText(text).width / 2, p = this.px(t);
+      const text = shown(t / 10 ** kx, xs / 10 ** kx), half = ctx.measureText(text).width / 2, p = this.px(t);
       if (p + half < label - wide - 6 && p - half > 2) ctx.fillText(text, p, this.top + h + 6);
     }
     ctx.textAlign = "right"; ctx.textBaseline = "middle";
-    for (const t of this.yticks()) if (this.py(t) > this.top + 14) ctx.fillText(shown(t, ys), this.left - 6, this.py(t));
+    for (const t of this.yticks()) if (this.py(t) > this.top + 14) ctx.fillText(shown(t / 10 ** ky, ys / 10 ** ky), this.left - 6, this.py(t));
     ctx.strokeStyle = theme.axis;
     ctx.beginPath(); ctx.moveTo(this.left + 0.5, this.top); ctx.lineTo(this.left + 0.5, this.top + h + 0.5); ctx.lineTo(this.left + w, this.top + h + 0.5); ctx.stroke();
     ctx.font = `italic 12px ${theme.font}`; ctx.fillStyle = theme.ink;
     ctx.textAlign = "right"; ctx.textBaseline = "top";
-    ctx.fillText(this.labels[0], label, this.top + h + 5);
+    ctx.fillText(across, label, this.top + h + 5);
     ctx.textAlign = "left";
-    this.halo(this.labels[1], this.left + 6, this.top + 1);
+    this.halo(up, this.left + 6, this.top + 1);
   }
   halo(text, x, y, colour = this.theme.ink) {
     const { ctx } = this;

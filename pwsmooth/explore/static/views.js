@@ -275,8 +275,9 @@ class Grown extends View {
   // What of the state the picture depends on, as text.
   depends() { const { p, x0 } = this.app.state; return JSON.stringify([p, x0, this.app.view]); }
   get stale() { return !!this.job && this.job.of !== this.depends(); }
-  start() {
+  start(auto = false) {
     this.restart();
+    this.auto = auto;
     this.job = { of: this.depends(), p: { ...this.app.state.p }, header: null };
     this.app.queue(this);
     this.draw();
@@ -287,10 +288,14 @@ class Grown extends View {
     this.bar.hidden = !!header.finished;
     this.take(header, arrays);
     this.app.redraw(this);
+    // What nobody asked for must not take minutes.
+    const rest = this.seconds(header);
+    if (this.auto && rest > 60) { this.app.halt(); this.halted = `↻ computes all of it, in ${Math.ceil(rest / 60)} minutes or so. `; this.app.moved(); }
   }
   refused(why) { this.bar.hidden = true; this.say(why); this.note.classList.add("bad"); }
   stop() { this.bar.hidden = true; }
-  restart() { this.bar.hidden = false; this.bar.value = 0; this.note.classList.remove("bad"); }
+  seconds() { return 0; }
+  restart() { this.halted = ""; this.bar.hidden = false; this.bar.value = 0; this.note.classList.remove("bad"); }
   mark() {
     const changed = Object.entries(this.job?.p || {}).filter(([n, v]) => this.app.state.p[n] !== v && this.ignored !== n);
     return changed.length ? `Of ${changed.map(([n, v]) => `${written(n)} = ${plainly(v)}`).join(", ")}. ` : this.stale ? "Of another start. " : "";
@@ -320,6 +325,7 @@ class Diagram extends Grown {
       columns: Math.min(800, Math.max(200, Math.round((this.plot.inner[0] || 400) * 1.5))), keep: 100 };
   }
   restart() { super.restart(); this.columns = new Map(); this.plot.y.forget(); this.plot.y.zoomed = null; this.fromDiagram = false; }
+  seconds(h) { return h.cpu > 2 ? (h.cpu / h.periods) * 60 * (h.of - h.done) : 0; }
   take(header, { column, points, last, final }) {
     if (!column) return;
     const n = header.names.length, m = points.length / column.length / n;
@@ -386,7 +392,7 @@ class Diagram extends Grown {
     if (!h || this.note.classList.contains("bad")) return;
     const mode = h.carry ? `carried on ${h.carry > 0 ? "from left to right" : "from right to left"}` : "each from the same start";
     const rest = h.finished ? "" : ` ${h.done} of ${h.of} columns.`;
-    this.say(`${this.mark()}Strobes, ${mode}.${rest} Click: orbit there; drag: zoom.`);
+    this.say(`${this.mark()}${this.halted}Strobes, ${mode}.${rest} Click: orbit there; drag: zoom.`);
     this.canvas.setAttribute("aria-label", `Orbit diagram of ${written(app.state.diagram.y)} over ${written(h.parameter)}. ${h.columns} values, ${h.unsettled || 0} on their way.`);
   }
 }
@@ -400,7 +406,7 @@ class Basins extends Grown {
       const axes = [...this.app.state.basins.axes];
       axes[k] = v;
       if (axes[0] === axes[1]) axes[1 - k] = this.app.scene.states.find((n) => n !== v);
-      this.app.setBasins({ axes, ranges: axes.map((n) => this.app.scene.map.axes[n]) });
+      this.app.setBasins({ axes, ranges: axes.map((n) => this.app.scene.axes[n]) });
     });
     this.tools.append(pick(0), pick(1));
   }
@@ -453,7 +459,7 @@ class Basins extends Grown {
       this.draw();
     } };
   }
-  fit() { const { axes } = this.app.state.basins; this.app.setBasins({ ranges: axes.map((n) => this.app.scene.map.axes[n]) }); }
+  fit() { const { axes } = this.app.state.basins; this.app.setBasins({ ranges: axes.map((n) => this.app.scene.axes[n]) }); }
   scale() {
     const { basins } = this.app.state, k = this.later ? 1 : 0;
     this.plot.labels = basins.axes.map((n) => unit(this.app, n));
