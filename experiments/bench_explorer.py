@@ -122,6 +122,8 @@ def measured(moves: int, many: int) -> dict[str, Any]:
             found[name] = {f"p{q}": float(np.percentile(times, q)) for q in (50, 95)}
         found["picture/empty p95"] = found["picture"]["p95"] / found["empty"]["p95"]
         found["picture - empty p50"] = found["picture"]["p50"] - found["empty"]["p50"]
+        tab.evaluate("explorer.reset()")
+        wait(tab, IDLE)
         diagram = tab.evaluate(FIRST, "diagram")
         shown = np.array(sorted(diagram["columns"])) / (diagram["header"]["columns"] - 1)
         found["diagram"] = {

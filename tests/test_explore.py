@@ -339,7 +339,7 @@ def test_a_page_gets_answers_the_newest_of_each_and_its_processes_end_with_it(se
             jobs.append((header["kind"], bool(header.get("finished"))))
     assert ("basins", True) not in jobs  # it was ended
     (page,) = served.pages
-    processes = [page.live.process, page.maps.process]
+    processes = [page.workers.live.process, page.workers.maps.process]
     made.close()
     until = time.monotonic() + 5
     while time.monotonic() < until and (served.pages or any(p.is_alive() for p in processes)):

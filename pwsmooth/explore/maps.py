@@ -36,6 +36,7 @@ REPEATS = 1e-6  # relative to 1 + abs(x)
 CAUGHT = 1e-3  # a strobe so near to a point of a known cycle is in its basin
 _BLOCK = 6  # periods of a basin's trajectory between two looks
 _LOOKED = 4 * _BLOCK  # last strobes of a trajectory that are looked at for a cycle, of 8 periods at most
+_BESIDE = 1e-9  # from 1, a multiplier of orbits side by side
 _NEW = 1e-5  # repetition of a trajectory that may be at a cycle that is not known yet
 _PERIODS = 400  # of a trajectory in basins, before it is unsettled
 
@@ -206,15 +207,19 @@ def section(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
 
 @dataclass
 class Cycle:
-    """An attractor: its points on the section, and its orbit once Newton's method has it."""
+    """An attractor: its points on the section, and its orbit once Newton's method has it.
+
+    `rest` stands for orbits side by side, as the places at which a block can rest: none of them is isolated.
+    """
 
     points: np.ndarray
     orbit: Any = None
+    rest: bool = False
     seen: bool = False  # by Newton's method
 
     def told(self) -> dict[str, Any]:
         if self.orbit is None:
-            return {"period": len(self.points), "sure": False}
+            return {"period": 0 if self.seen else len(self.points), "sure": False, "rest": self.rest}
         sizes = [[float(m.real), float(m.imag)] for m in self.orbit.multipliers[:4]]
         return {"period": len(self.points), "time": float(self.orbit.period), "sure": True, "multipliers": sizes,
                 "x": [float(v) for v in self.orbit.x]}  # fmt: skip
@@ -235,6 +240,7 @@ class Grid:
         self.run = Runner(subject, p, None, _BLOCK, 0)
         self.map = poincare_map(subject.system.with_parameters(p), subject.period, None, 1, 1.0, {})
         self.cycles: list[Cycle] = []
+        self.refused: list[np.ndarray] = []  # points of cycles that do not attract
         self.label = np.full(self.n * self.n, _OPEN, np.int8)
         self.step = np.zeros(self.n * self.n, np.uint8)  # side of the square that a cell stands for
         self.guessed = np.zeros(self.n * self.n, bool)
@@ -297,12 +303,31 @@ class Grid:
                 found[near & (found == _OPEN)] = k
         return found
 
-    def look(self, strobes: np.ndarray) -> None:
-        """Cycles that are not known yet, among trajectories with strobes (k, m, n)."""
-        for points in strobes:
+    def look(self, strobes: np.ndarray) -> np.ndarray:
+        """Labels of trajectories with strobes (k, m, n) that repeat, where a cycle is new or not isolated."""
+        found = np.full(len(strobes), _OPEN, np.int8)
+        rest = next((k for k, c in enumerate(self.cycles) if c.rest), None)
+        for i, points in enumerate(strobes):
             count = Period(8, _NEW).find(points)
-            if count and self.caught(points[None, -count:])[0] == _OPEN and len(self.cycles) < 100:
+            if not count or self.caught(points[None, -count:])[0] != _OPEN or self._refused(points[-1]):
+                continue
+            if rest is not None and self._newton(points[-count:])[0]:
+                found[i] = rest
+            elif len(self.cycles) < 100:
                 self.cycles.append(Cycle(points[-count:]))
+        return found
+
+    def _refused(self, x: np.ndarray) -> bool:
+        return any((np.abs(x - y) <= 10 * _NEW * (1 + np.abs(y))).all() for y in self.refused)
+
+    def _newton(self, points: np.ndarray) -> tuple[bool, Any]:
+        """(whether it is one of orbits side by side, the orbit if it attracts) where these points repeat."""
+        orbit = refined(replace(self.map, count=len(points)), points[-1])
+        if not orbit.success:
+            return False, None
+        sizes = np.abs(orbit.multipliers)
+        beside = bool((np.abs(orbit.multipliers - 1) <= _BESIDE).any() and (sizes <= 1 + _BESIDE).all())
+        return beside, orbit if orbit.stable else None
 
     def confirm(self) -> bool:
         """Newton's method from the first cycle that it has not seen; False where there is none."""
@@ -311,17 +336,21 @@ class Grid:
             return False
         cycle, mine = self.cycles[k], self.label == k
         cycle.seen = True
-        orbit = refined(replace(self.map, count=len(cycle.points)), cycle.points[-1])
-        if orbit.success and orbit.stable:
+        beside, orbit = self._newton(cycle.points)
+        if orbit is not None:
             same = self.caught(orbit.x[None, None])[0]
             cycle.points = replace(orbit.map, count=1).iterate(orbit.x, orbit.map.count)
             if same in (_OPEN, k) or self.cycles[same].orbit is None:
                 cycle.orbit = orbit
                 return True
             self.label[mine] = same
+        elif beside:
+            rest = next((j for j, c in enumerate(self.cycles) if c.rest), k)
+            self.label[mine], self.cycles[rest].rest = rest, True
         else:  # what seemed to repeat is no attractor
             self.label[mine] = UNSETTLED
-            cycle.points = np.full_like(cycle.points, np.nan)
+            self.refused.extend(cycle.points)
+        cycle.points = np.full_like(cycle.points, np.nan)  # nothing is caught by it
         self.changed.append(np.flatnonzero(mine))
         return True
 
@@ -363,8 +392,9 @@ def basins(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
             found = grid.caught(strobes)
             look = (found == _OPEN) & (age[now] % (2 * _BLOCK) == 0) & (age[now] >= _LOOKED) & (outcome >= 0)
             if look.any():
-                grid.look(last[now][look][:256])
-                found[look] = grid.caught(strobes[look])
+                which = np.flatnonzero(look)[:256]
+                labels = grid.look(last[now][which])
+                found[which] = np.where(labels == _OPEN, grid.caught(strobes[which]), labels)
             found[(found == _OPEN) & (age[now] >= _PERIODS)] = UNSETTLED
             found[outcome < Outcome.FINISHED] = FAILED
             ended = found != _OPEN

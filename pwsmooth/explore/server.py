@@ -11,24 +11,19 @@ import asyncio
 import contextlib
 import hmac
 import http
-import importlib.resources
 import json
-import multiprocessing
 import secrets
 import signal
 import threading
-import time
 from collections.abc import Callable
 from typing import Any
 
-from . import worker
-from .describe import LIMITS
-from .frames import pack
+from .bundle import static
+from .processes import Workers
 from .subject import Subject
 
 LONGEST = 16_384  # bytes of a message from a page
 PAGES = 4
-_GRACE = 2.0  # a process that is so many limits late is ended
 _FILES = {
     "/": ("index.html", "text/html"), "/main.js": ("main.js", "text/javascript"),
     "/explorer.js": ("explorer.js", "text/javascript"),
@@ -43,45 +38,6 @@ _HEADERS = {
 }  # fmt: skip
 
 
-def static(name: str) -> bytes:
-    """A file of the page."""
-    return importlib.resources.files(__package__).joinpath("static", name).read_bytes()
-
-
-class Process:
-    """A worker and the thread that reads its pipe; `heard(frame)` is called in that thread."""
-
-    def __init__(self, target: Callable[..., None], subject: Subject, heard: Callable[[bytes], None]) -> None:
-        context = multiprocessing.get_context("spawn")
-        self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=target, args=(theirs, subject), daemon=True)
-        self.process.start()
-        theirs.close()
-        self.asked: float | None = None  # since when an answer is awaited
-        threading.Thread(target=self._read, args=(heard,), daemon=True).start()
-
-    def _read(self, heard: Callable[[bytes], None]) -> None:
-        with contextlib.suppress(EOFError, OSError, TypeError):  # TypeError: closed while it was read
-            while True:
-                frame = self.pipe.recv_bytes()
-                self.asked = None
-                heard(frame)
-
-    def send(self, message: dict[str, Any], awaited: bool = True) -> None:
-        if awaited and self.asked is None:
-            self.asked = time.monotonic()
-        with contextlib.suppress(OSError):
-            self.pipe.send_bytes(json.dumps(message).encode())
-
-    def end(self) -> None:
-        with contextlib.suppress(OSError):
-            self.pipe.close()
-        self.process.join(0.2)
-        if self.process.is_alive():
-            self.process.kill()
-            self.process.join(1)
-
-
 class Page:
     """One socket with its two processes."""
 
@@ -89,54 +45,26 @@ class Page:
         self.server, self.socket = server, socket
         self.loop = asyncio.get_running_loop()
         self.out: asyncio.Queue[bytes] = asyncio.Queue()
-        self.ready = False
-        self.view = ""
-        self.live = Process(worker.live, server.subject, self._from_live)
-        self.maps: Process | None = None
+        self.workers = Workers(server.subject, self._put)
 
     def _put(self, frame: bytes) -> None:
         with contextlib.suppress(RuntimeError):  # the loop has ended
             self.loop.call_soon_threadsafe(self.out.put_nowait, frame)
-
-    def _from_live(self, frame: bytes) -> None:
-        if not self.ready and b'"kind":"ready"' in frame[:100]:
-            self.ready = True
-            self.loop.call_soon_threadsafe(self._start_maps)  # after the first: both would compile the same
-        self._put(frame)
-
-    def _start_maps(self) -> None:
-        if self.maps is None:
-            self.maps = Process(worker.maps, self.server.subject, self._put)
-            if self.view:
-                self.maps.send({"kind": "view", "view": self.view}, awaited=False)
 
     async def run(self) -> None:
         sender, dog = (asyncio.create_task(c) for c in (self._send(), self._watch()))
         try:
             async for text in self.socket:
                 message = json.loads(text)
-                if not isinstance(message, dict):
-                    continue
-                kind = message.get("kind")
-                if kind == "ping":  # an empty round trip, for benchmarks
-                    self.live.send(message)
-                elif kind in ("diagram", "basins", "section", "figure", "stop"):
-                    self._start_maps()
-                    self.maps.send(message, awaited=False)  # type: ignore[union-attr]
-                else:
-                    if kind == "view":
-                        self.view = str(message.get("view", ""))
-                        if self.maps is not None:
-                            self.maps.send(message, awaited=False)
-                    if kind == "orbit":
-                        self.server.state = message
-                    self.live.send(message, awaited=kind != "view")
+                if isinstance(message, dict):
+                    self.workers.message(message)
+                    self.server.state = self.workers.state
         except (ValueError, RecursionError):
             await self.socket.close(1003, "not JSON")
         finally:
             sender.cancel()
             dog.cancel()
-            await asyncio.to_thread(self.end)
+            await asyncio.to_thread(self.workers.end)
 
     async def _send(self) -> None:
         while True:
@@ -145,20 +73,7 @@ class Page:
     async def _watch(self) -> None:
         while True:
             await asyncio.sleep(0.25)
-            asked, limit = self.live.asked, _GRACE * LIMITS["seconds"]
-            dead = not self.live.process.is_alive()
-            if dead or (self.ready and asked is not None and time.monotonic() - asked > limit):
-                old, self.ready, self.view = self.live, False, ""
-                await asyncio.to_thread(old.end)
-                why = "ended by itself" if dead else f"did not answer within {limit:g} s, the limit of a picture,"
-                self._put(pack({"kind": "killed", "why": f"The process of the sliders {why} and was started anew; "
-                                "take a shorter span."}))  # fmt: skip
-                self.live = Process(worker.live, self.server.subject, self._from_live)
-
-    def end(self) -> None:
-        for process in (self.live, self.maps):
-            if process is not None:
-                process.end()
+            await asyncio.to_thread(self.workers.watch)
 
 
 class Server:
@@ -197,7 +112,7 @@ class Server:
             self.started.set()
             told()
             await self._stop.wait()
-            await asyncio.gather(*(asyncio.to_thread(page.end) for page in self.pages))
+            await asyncio.gather(*(asyncio.to_thread(page.workers.end) for page in self.pages))
 
     def start(self) -> None:
         """Serve in a thread of its own; returns when it listens."""

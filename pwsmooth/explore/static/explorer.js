@@ -82,7 +82,7 @@ class App {
     this.dialog = element("dialog");
     this.root.replaceChildren(element("header", {}, element("div", { class: "title" }, this.heading, this.sub), this.bar), this.notice,
       element("div", { class: "work" }, this.side, element("div", { class: "column" }, this.said, this.tabs, this.main)), this.dialog);
-    document.addEventListener("keydown", (e) => this.key(e));
+    (this.transport.inside ? this.root : document).addEventListener("keydown", (e) => this.key(e));
     let later = 0;
     new ResizeObserver(() => { cancelAnimationFrame(later); later = requestAnimationFrame(() => this.drawAll()); }).observe(this.root);
   }

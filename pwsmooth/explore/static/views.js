@@ -489,7 +489,7 @@ class Basins extends Grown {
     const h = this.job?.header;
     if (this.note.classList.contains("bad")) return;
     if (!h) return this.say("↻ shows which orbit each start leads to; click or drag to follow one.");
-    const names = h.cycles.map((c, k) => c.sure ? `${k + 1}: period ${c.period}, |multiplier| ${Math.hypot(...(c.multipliers[0] || [0, 0])).toFixed(3)}` : c.period ? `attractor ${k + 1} (not yet confirmed)` : "").filter(Boolean);
+    const names = h.cycles.map((c, k) => c.sure ? `${k + 1}: period ${c.period}, |multiplier| ${Math.hypot(...(c.multipliers[0] || [0, 0])).toFixed(3)}` : c.rest ? `${k + 1}: at rest, or orbits side by side` : c.period ? `attractor ${k + 1} (not yet confirmed)` : "").filter(Boolean);
     const counts = [h.unsettled ? `${h.unsettled} unsettled` : "", h.failed ? `${h.failed} failed` : "", h.finished ? "" : `${Math.floor((100 * h.done) / h.of)} %`].filter(Boolean);
     this.say(`${this.mark()}${[...names, ...counts].join("; ")}`);
     this.canvas.setAttribute("aria-label", `Basins over ${axesOf(h)}: ${names.join("; ")}`);
