@@ -25,7 +25,7 @@ import numpy as np
 from benchtools import provenance, write_json
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
-from explore_in_browser import ALONE, IDLE, WIDTHS, browser, served, wait  # noqa: E402
+from explore_in_browser import ALONE, IDLE, WIDTHS, browser, served, wait
 
 # Each trip ends at the frame after the drawing. An event every 40 ms or so: a hand on a slider.
 TRIPS = """async moves => {
@@ -157,7 +157,9 @@ def measured(moves: int, many: int) -> dict[str, Any]:
         left = [p for p in kept if Path(f"/proc/{p}").exists()]
         found["Ctrl-C"] = {"s": time.perf_counter() - begun, "code": code, "processes left": len(left)}
     static = Path(__file__).resolve().parent.parent / "pwsmooth" / "explore" / "static"
-    found["module and style kB"] = sum(f.stat().st_size for f in static.iterdir() if f.suffix in (".js", ".css")) / 1e3
+    found["module and style kB"] = (
+        sum(f.stat().st_size for f in static.iterdir() if f.suffix in (".js", ".css")) / 1e3
+    )
     found["load after"] = os.getloadavg()[0]
     return found
 

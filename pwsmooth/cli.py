@@ -225,7 +225,10 @@ def diagram(
 @app.command()
 def explore(
     what: Annotated[
-        str, typer.Argument(help="A scene (--list), a STUDY.toml, or file.py:name, a scene in a file, which is run.")
+        str,
+        typer.Argument(
+            help="A scene (--list), a STUDY.toml, or file.py:name, a scene in a file, which is run."
+        ),
     ] = "",
     law: Annotated[str | None, typer.Option(help="Law of the scene, such as LuGre.")] = None,
     preset: Annotated[str | None, typer.Option(help="A state worth a look (--list).")] = None,

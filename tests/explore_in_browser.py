@@ -25,7 +25,14 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "docs"))
 from check_pages import ALONE, WIDTHS, NoBrowser, browser  # noqa: E402
 
-SCENES = ("friction_oscillator", "block_on_belt", "falling_ball", "impact_oscillator", "slider_crank", "incline")
+SCENES = (
+    "friction_oscillator",
+    "block_on_belt",
+    "falling_ball",
+    "impact_oscillator",
+    "slider_crank",
+    "incline",
+)
 VIEWS = {  # that a scene has, at least
     "friction_oscillator": {"time", "phase", "characteristic", "layer", "diagram", "basins"},
     "block_on_belt": {"time", "phase", "characteristic", "layer"},
@@ -115,7 +122,14 @@ class Browser:
         tab = context.new_page()
         tab.on("console", lambda m: self.said.append(f"console: {m.text}") if m.type == "error" else None)
         tab.on("pageerror", lambda e: self.said.append(f"script error: {e}"))
-        tab.on("request", lambda r: None if r.url.startswith((url.split("#")[0], "data:", "blob:")) else self.said.append(f"another host: {r.url}"))
+        tab.on(
+            "request",
+            lambda r: (
+                None
+                if r.url.startswith((url.split("#")[0], "data:", "blob:"))
+                else self.said.append(f"another host: {r.url}")
+            ),
+        )
         tab.goto(url)
         wait(tab, IDLE, 120, "no orbit was drawn")
         try:
@@ -132,12 +146,21 @@ def views(b: Browser, shots: Path | None) -> None:
                 with b.tab(url, width) as tab:
                     keys = tab.evaluate("explorer.views.map(v => v.key)")
                     expect(VIEWS[scene] <= set(keys), f"{scene}: no {VIEWS[scene] - set(keys)}")
-                    few = keys if scene in (SCENES[0], "impact_oscillator") else [k for k in keys if k not in ("diagram", "basins", "section")]
+                    few = (
+                        keys
+                        if scene in (SCENES[0], "impact_oscillator")
+                        else [k for k in keys if k not in ("diagram", "basins", "section")]
+                    )
                     for key in few if width == "phone" else ("",):
                         if key and tab.evaluate(f"!explorer.of('{key}')"):
                             tab.evaluate(f"explorer.tab = '{key}', explorer.arrange()")
                         for map in ("diagram", "section", "basins")[: 3 if scene == SCENES[0] else 1]:
-                            wait(tab, f"(v => !v || v.columns?.size || v.label || v.points?.length)(explorer.of('{map}'))", 60, f"{scene}, {width}: {map} does not begin")
+                            wait(
+                                tab,
+                                f"(v => !v || v.columns?.size || v.label || v.points?.length)(explorer.of('{map}'))",
+                                60,
+                                f"{scene}, {width}: {map} does not begin",
+                            )
                         wait(tab, "!explorer.of('layer') || explorer.layer")
                         time.sleep(0.1)
                         seen = tab.evaluate(LOOK)
@@ -146,21 +169,31 @@ def views(b: Browser, shots: Path | None) -> None:
                                 continue  # begin by themselves where that is quick, one after the other
                             expect(v["ink"] > 300, f"{scene}, {width}: {v['view']} has no ink")
                             expect(v["label"] and v["title"], f"{scene}, {width}: {v['view']} has no label")
-                        expect(seen["overflow"] <= 0, f"{scene}, {width}: {seen['overflow']} px wider than the screen")
+                        expect(
+                            seen["overflow"] <= 0,
+                            f"{scene}, {width}: {seen['overflow']} px wider than the screen",
+                        )
                         expect(not seen["unnamed"], f"{scene}, {width}: without a name: {seen['unnamed']}")
                         expect(not seen["small"], f"{scene}, {width}: too small for a finger: {seen['small']}")
                         if shots:
-                            tab.screenshot(path=shots / f"{scene}{key and '.' + key}.{width}.png", full_page=width == "desktop")
+                            tab.screenshot(
+                                path=shots / f"{scene}{key and '.' + key}.{width}.png",
+                                full_page=width == "desktop",
+                            )
 
 
 def sliders(b: Browser, shots: Path | None) -> None:
     """A slider changes what is sent and what is seen, by mouse and keys; a refused value stays, with its sentence."""
     with served("--preset", "figure-8") as (url, _), b.tab(url) as tab:
         before = tab.evaluate(HASH)
-        tab.evaluate("() => { const s = document.getElementById('c-rho'); s.value = 300; s.dispatchEvent(new Event('input')); }")
+        tab.evaluate(
+            "() => { const s = document.getElementById('c-rho'); s.value = 300; s.dispatchEvent(new Event('input')); }"
+        )
         wait(tab, IDLE)
         expect(tab.evaluate("explorer.asked.p.rho") != 3, "the slider does not change what is sent")
-        expect(all(x != y for x, y in zip(before, tab.evaluate(HASH))), "the slider does not change the pictures")
+        expect(
+            all(x != y for x, y in zip(before, tab.evaluate(HASH))), "the slider does not change the pictures"
+        )
         tab.focus("#c-rho")
         value = tab.evaluate("explorer.state.p.rho")
         tab.keyboard.press("ArrowRight")
@@ -168,18 +201,27 @@ def sliders(b: Browser, shots: Path | None) -> None:
         tab.fill("#c-beta-n", "0")
         tab.press("#c-beta-n", "Enter")
         wait(tab, "!document.getElementById('c-beta-w').hidden", told="a refused value has no sentence")
-        expect(tab.get_attribute("#c-beta-n", "aria-invalid") and tab.input_value("#c-beta-n") == "0", "it is not marked")
+        expect(
+            tab.get_attribute("#c-beta-n", "aria-invalid") and tab.input_value("#c-beta-n") == "0",
+            "it is not marked",
+        )
         tab.fill("#c-beta-n", "0.2")
         tab.press("#c-beta-n", "Enter")
         wait(tab, "document.getElementById('c-beta-w').hidden")
         sent = tab.evaluate("explorer.stats.sent")
         for k in range(60):
-            tab.evaluate(f"() => {{ const s = document.getElementById('c-rho'); s.value = {300 + 8 * k}; s.dispatchEvent(new Event('input')); }}")
+            tab.evaluate(
+                f"() => {{ const s = document.getElementById('c-rho'); s.value = {300 + 8 * k}; s.dispatchEvent(new Event('input')); }}"
+            )
         wait(tab, IDLE)
         expect(tab.evaluate("explorer.stats.sent") - sent < 60, "every event was sent, and not the newest")
-        last = tab.evaluate("[explorer.orbit.header.seq, explorer.seq, explorer.state.p.rho, explorer.asked.p.rho]")
+        last = tab.evaluate(
+            "[explorer.orbit.header.seq, explorer.seq, explorer.state.p.rho, explorer.asked.p.rho]"
+        )
         expect(last[0] == last[1] and last[2] == last[3], f"the last answer is not drawn: {last}")
-        seq = tab.evaluate("() => { const late = {...explorer.orbit.header, seq: 1, to: 'orbit'}; const h = explorer.orbit.header.seq; explorer.hear(late, {t: explorer.orbit.t, status: explorer.orbit.raw, values: new Float32Array(explorer.orbit.t.length * late.names.length)}); return [h, explorer.arrived.header.seq]; }")
+        seq = tab.evaluate(
+            "() => { const late = {...explorer.orbit.header, seq: 1, to: 'orbit'}; const h = explorer.orbit.header.seq; explorer.hear(late, {t: explorer.orbit.t, status: explorer.orbit.raw, values: new Float32Array(explorer.orbit.t.length * late.names.length)}); return [h, explorer.arrived.header.seq]; }"
+        )
         expect(seq[0] == seq[1], "an answer that is late is drawn over a newer one")
 
 
@@ -196,7 +238,9 @@ def gestures(b: Browser, shots: Path | None) -> None:
         wait(tab, IDLE)
         moved = tab.evaluate("explorer.state.x0")
         expect(moved["y"] > x0["y"] and moved["v"] < x0["v"], "the drag does not move the start")
-        far = tab.evaluate("(() => { const v = explorer.of('phase'), b = v.canvas.getBoundingClientRect(); return [b.left + v.plot.left + 12, b.top + v.plot.top + 20]; })()")
+        far = tab.evaluate(
+            "(() => { const v = explorer.of('phase'), b = v.canvas.getBoundingClientRect(); return [b.left + v.plot.left + 12, b.top + v.plot.top + 20]; })()"
+        )
         tab.mouse.click(*far)
         wait(tab, "explorer.ghosts.length === 1", told="a click leaves no grey orbit")
         wait(tab, IDLE)
@@ -209,7 +253,10 @@ def gestures(b: Browser, shots: Path | None) -> None:
         wait(tab, IDLE)
         cursor = tab.evaluate("explorer.state.cursor")
         tab.keyboard.press(".")
-        expect(tab.evaluate("explorer.orbit.header.events.some(e => e[0] === explorer.state.cursor)"), "no step to an event")
+        expect(
+            tab.evaluate("explorer.orbit.header.events.some(e => e[0] === explorer.state.cursor)"),
+            "no step to an event",
+        )
         tab.keyboard.press("Space")
         time.sleep(0.2)
         tab.keyboard.press("Space")
@@ -219,28 +266,50 @@ def gestures(b: Browser, shots: Path | None) -> None:
         tab.keyboard.press("Escape")
         tab.keyboard.press("d")
         wait(tab, "explorer.of('diagram').job.header?.finished", 60)
-        columns = tab.evaluate("[explorer.of('diagram').columns.size, explorer.of('diagram').job.header.columns, explorer.of('diagram').columns.has(explorer.of('diagram').job.header.columns - 1)]")
+        columns = tab.evaluate(
+            "[explorer.of('diagram').columns.size, explorer.of('diagram').job.header.columns, explorer.of('diagram').columns.has(explorer.of('diagram').job.header.columns - 1)]"
+        )
         expect(columns[0] == columns[1] and columns[2], f"columns are missing: {columns}")
         span = tab.evaluate("explorer.of('diagram').job.header.range")
         tab.evaluate("explorer.of('diagram').box.scrollIntoView({block: 'center'})")
-        at = tab.evaluate(f"({place})('diagram', {span[0] + 0.25 * (span[1] - span[0])}, explorer.of('diagram').plot.y.low * .5 + explorer.of('diagram').plot.y.high * .5)")
+        at = tab.evaluate(
+            f"({place})('diagram', {span[0] + 0.25 * (span[1] - span[0])}, explorer.of('diagram').plot.y.low * .5 + explorer.of('diagram').plot.y.high * .5)"
+        )
         tab.mouse.click(*at)
-        wait(tab, f"Math.abs(explorer.state.p.rho - {span[0] + 0.25 * (span[1] - span[0])}) < 0.1", told="a click in the diagram does not set the parameter")
+        wait(
+            tab,
+            f"Math.abs(explorer.state.p.rho - {span[0] + 0.25 * (span[1] - span[0])}) < 0.1",
+            told="a click in the diagram does not set the parameter",
+        )
         tab.mouse.move(*at)
         tab.mouse.down()
         tab.mouse.move(at[0] + 80, at[1] + 10, steps=4)
         tab.mouse.up()
-        wait(tab, f"(explorer.of('diagram').job.header || {{range: [0, 99]}}).range[1] < {span[1]}", told="a drag does not compute the part anew")
+        wait(
+            tab,
+            f"(explorer.of('diagram').job.header || {{range: [0, 99]}}).range[1] < {span[1]}",
+            told="a drag does not compute the part anew",
+        )
         tab.keyboard.press("Control+z")
-        wait(tab, f"(explorer.of('diagram').job.header || {{range: [0, 0]}}).range[1] === {span[1]}", told="back does not restore the diagram")
+        wait(
+            tab,
+            f"(explorer.of('diagram').job.header || {{range: [0, 0]}}).range[1] === {span[1]}",
+            told="back does not restore the diagram",
+        )
         tab.keyboard.press("b")
         wait(tab, "explorer.of('basins').job.header?.cycles?.length", 60)
         job = tab.evaluate("explorer.job")
         tab.keyboard.press("Escape")
-        expect(tab.evaluate("explorer.job") > job and tab.evaluate("explorer.running === null"), "Esc does not stop a job")
+        expect(
+            tab.evaluate("explorer.job") > job and tab.evaluate("explorer.running === null"),
+            "Esc does not stop a job",
+        )
         before = tab.evaluate("explorer.of('basins').job.header.done")
         tab.evaluate(f"explorer.hear({{kind: 'basins', job: {job}, done: 1e9}}, {{}})")
-        expect(tab.evaluate("explorer.of('basins').job.header.done") == before, "frames of a job that was stopped are drawn")
+        expect(
+            tab.evaluate("explorer.of('basins').job.header.done") == before,
+            "frames of a job that was stopped are drawn",
+        )
         # Rows of the basins stand where the attractors' own dots are.
         tab.keyboard.press("b")
         wait(tab, "explorer.of('basins').job.header?.cycles?.filter(c => c.sure).length > 1", 60)
@@ -272,7 +341,10 @@ def colours(b: Browser, shots: Path | None) -> None:
             const x = Math.round(v.plot.px(xs[k]) * v.plot.ratio), y = Math.round(v.plot.py(ys[k]) * v.plot.ratio), d = v.canvas.getContext('2d').getImageData(x, y, 1, 1).data;
             const key = (ys[k] > 0 ? 'up' : 'down'); found[key] = found[key] || [0, 0]; if (d[2] > d[0] + 40) found[key][0]++; if (d[0] > d[2] + 40) found[key][1]++; }
           return found; })()""")
-        expect(found["up"][0] > 5 * found["up"][1] and found["down"][1] > 5 * found["down"][0], f"exchanged: {found}")
+        expect(
+            found["up"][0] > 5 * found["up"][1] and found["down"][1] > 5 * found["down"][0],
+            f"exchanged: {found}",
+        )
         wrong = tab.evaluate("""(() => { const o = explorer.orbit, ys = o.values.get('v'); let off = 0, held = 0;
           for (const [a, b] of o.header.held) for (let k = 0; k < o.t.length; k++) if (o.t[k] > a + 1e-4 && o.t[k] < b - 1e-4) { held++; if (Math.abs(ys[k]) > 1e-6) off++; }
           return [off, held]; })()""")
@@ -283,7 +355,9 @@ def links(b: Browser, shots: Path | None) -> None:
     """A link gives the same picture in a fresh browser; two tabs keep their own; what is unknown is dropped with a note."""
     with served("--preset", "figure-8") as (url, _):
         with b.tab(url) as tab, b.tab(url) as other:
-            tab.evaluate("() => { const s = document.getElementById('c-rho'); s.value = 640; s.dispatchEvent(new Event('input')); explorer.set({names: ['y', 'friction']}); explorer.point(20); }")
+            tab.evaluate(
+                "() => { const s = document.getElementById('c-rho'); s.value = 640; s.dispatchEvent(new Event('input')); explorer.set({names: ['y', 'friction']}); explorer.point(20); }"
+            )
             wait(tab, IDLE)
             wait(tab, "location.hash.startsWith('#s=')", told="the address does not follow the state")
             time.sleep(0.7)
@@ -296,14 +370,19 @@ def links(b: Browser, shots: Path | None) -> None:
             expect(fresh.evaluate(HASH) == picture, "the link shows another picture")
         with b.tab(f"{url}&s=eyJwIjp7InJobyI6IngiLCJuIjoxfSwicSI6MX0") as odd:  # {"p":{"rho":"x","n":1},"q":1}
             said = odd.inner_text(".notice")
-            expect("rho" in said and "q" in said and odd.evaluate("explorer.state.p.rho") == 3, f"not dropped: {said}")
+            expect(
+                "rho" in said and "q" in said and odd.evaluate("explorer.state.p.rho") == 3,
+                f"not dropped: {said}",
+            )
 
 
 def taking(b: Browser, shots: Path | None) -> None:
     """Copy as code shows a script; Save figure gives a file; the layered view is a button away."""
     with served("--preset", "figure-8") as (url, _), b.tab(url) as tab:
         tab.get_by_text("Copy as code").click()
-        wait(tab, "document.querySelector('dialog pre')?.textContent.includes('scene.solve(')", told="no script")
+        wait(
+            tab, "document.querySelector('dialog pre')?.textContent.includes('scene.solve(')", told="no script"
+        )
         tab.keyboard.press("Escape")
         tab.get_by_text("Save figure").click()
         with tab.expect_download(timeout=60_000) as saved:
@@ -311,7 +390,12 @@ def taking(b: Browser, shots: Path | None) -> None:
         expect(Path(saved.value.path()).read_bytes().startswith(b"\x89PNG"), "no picture was saved")
         tab.keyboard.press("Escape")
         tab.evaluate("explorer.turn('layered')")
-        wait(tab, "explorer.scene.view && explorer.orbit?.header.seq === explorer.seq && !explorer.scene.states.includes('z')", 60, "no layered view")
+        wait(
+            tab,
+            "explorer.scene.view && explorer.orbit?.header.seq === explorer.seq && !explorer.scene.states.includes('z')",
+            60,
+            "no layered view",
+        )
         if shots:
             time.sleep(1)
             tab.screenshot(path=shots / "layered.desktop.png", full_page=True)
@@ -321,7 +405,9 @@ def ending(b: Browser, shots: Path | None) -> None:
     """A closed tab ends its processes; a server that ends is told of, and the state stays."""
 
     def children(run: Any) -> int:
-        found = subprocess.run(["ps", "-o", "args=", "--ppid", str(run.pid)], capture_output=True, text=True).stdout
+        found = subprocess.run(
+            ["ps", "-o", "args=", "--ppid", str(run.pid)], capture_output=True, text=True
+        ).stdout
         return found.count("spawn_main")
 
     with served("--preset", "figure-8") as (url, run):
@@ -335,7 +421,11 @@ def ending(b: Browser, shots: Path | None) -> None:
             tab.evaluate("explorer.set({p: {...explorer.state.p, rho: 2.5}})")
             wait(tab, IDLE)
             run.send_signal(signal.SIGINT)
-            wait(tab, "document.querySelector('.notice').textContent.includes('ended')", told="the page does not say that its server has ended")
+            wait(
+                tab,
+                "document.querySelector('.notice').textContent.includes('ended')",
+                told="the page does not say that its server has ended",
+            )
             expect(tab.evaluate("explorer.state.p.rho") == 2.5, "the state is lost")
         expect(run.wait(5) == 0, "Ctrl-C gives another code than 0")
 
@@ -356,11 +446,17 @@ def phone(b: Browser, shots: Path | None) -> None:
           const at = (t, dx) => c.dispatchEvent(new PointerEvent(t, {pointerId: 5, pointerType: 'touch', clientX: x + dx, clientY: y, bubbles: true}));
           at('pointerdown', 0); setTimeout(() => { for (let k = 0; k < 30; k += 6) at('pointermove', k); at('pointerup', 30); done(); }, wait); })"""
         tab.evaluate("document.querySelector('.phase').scrollIntoView()")
-        at = tab.evaluate("(() => { const v = explorer.of('phase'), b = v.canvas.getBoundingClientRect(); return [b.left + v.plot.px(explorer.state.x0.y), b.top + v.plot.py(explorer.state.x0.v)]; })()")
+        at = tab.evaluate(
+            "(() => { const v = explorer.of('phase'), b = v.canvas.getBoundingClientRect(); return [b.left + v.plot.px(explorer.state.x0.y), b.top + v.plot.py(explorer.state.x0.v)]; })()"
+        )
         tab.evaluate(press, [*at, 20])
-        expect(tab.evaluate("JSON.stringify(explorer.state.x0)") == before, "a finger that scrolls moves the start")
+        expect(
+            tab.evaluate("JSON.stringify(explorer.state.x0)") == before, "a finger that scrolls moves the start"
+        )
         tab.evaluate(press, [*at, 500])
-        expect(tab.evaluate("JSON.stringify(explorer.state.x0)") != before, "a long press does not move the start")
+        expect(
+            tab.evaluate("JSON.stringify(explorer.state.x0)") != before, "a long press does not move the start"
+        )
 
 
 CHECKS: tuple[Callable[[Browser, Path | None], None], ...] = (
@@ -384,7 +480,9 @@ def check(executable: str, only: str = "", shots: Path | None = None) -> list[st
             except Exception as error:  # one fault must not hide the next
                 faults.append(f"{look.__name__}: {error}")
             ended = look is ending
-            faults += [f"{look.__name__}: {s}" for s in dict.fromkeys(tabs.said) if not (ended and "WebSocket" in s)]
+            faults += [
+                f"{look.__name__}: {s}" for s in dict.fromkeys(tabs.said) if not (ended and "WebSocket" in s)
+            ]
             print(f"{look.__name__}: {time.perf_counter() - begun:.1f} s", flush=True)
         chromium.close()
     return faults

@@ -85,6 +85,7 @@ CHUA = System(
     parameters={k: 28},
 )
 
+
 def systems():
     """Five systems that are no scene: (System, start, span)."""
     from pwsmooth import Event
@@ -213,7 +214,9 @@ def test_a_finished_diagram_is_that_of_the_package(oscillator):
             found[int(column)] = points
     assert last["finished"] and sorted(found) == list(range(9))
     values = np.linspace(0.5, 7.0, 9)
-    known = orbit_diagram(oscillator.system, "rho", values, oscillator.start, oscillator.period, transient=150, keep=50)
+    known = orbit_diagram(
+        oscillator.system, "rho", values, oscillator.start, oscillator.period, transient=150, keep=50
+    )
     for column, points in found.items():
         for point in points:
             off = np.abs(known.points[column] - point).max(axis=1).min()
@@ -229,7 +232,8 @@ def test_the_first_columns_are_spread_over_the_whole_range():
 def test_finished_basins_are_those_of_the_package(oscillator):
     state = {"axes": ["y", "v"], "ranges": [[-2, 2], [-2, 2]], "cells": 17}
     label = np.zeros(17 * 17, int)
-    for header, arrays in maps.basins(oscillator, state):
+    header = {}
+    for header, arrays in maps.basins(oscillator, state):  # noqa: B007
         label[arrays["cell"]] = arrays["label"]
     assert header["finished"] and header["done"] == 17 * 17 and all(c["sure"] for c in header["cycles"])
     grid = np.linspace(-2, 2, 17)
@@ -276,12 +280,20 @@ def test_the_server_answers_its_own_page_alone(served):
     own = f"http://127.0.0.1:{served.port}"
     page = answer(served)
     assert page.status == 200 and "script-src 'self'" in page.headers["Content-Security-Policy"]
-    assert page.headers["X-Content-Type-Options"] == "nosniff" and not page.headers.get("Access-Control-Allow-Origin")
+    assert page.headers["X-Content-Type-Options"] == "nosniff" and not page.headers.get(
+        "Access-Control-Allow-Origin"
+    )
     assert answer(served, Host="evil.example").status == 403
     assert answer(served, Host=f"127.0.0.1:{served.port + 1}").status == 403
     for path in ("/../server.py", "/%2e%2e/server.py", "/static/style.css", "//etc/passwd", "/style.css/"):
         assert answer(served, path).status == 404
-    for origin in (None, "http://evil.example", f"{own}.evil.example", f"https://127.0.0.1:{served.port}", "null"):
+    for origin in (
+        None,
+        "http://evil.example",
+        f"{own}.evil.example",
+        f"https://127.0.0.1:{served.port}",
+        "null",
+    ):
         headers = UPGRADE | ({} if origin is None else {"Origin": origin})
         assert answer(served, "/socket", **headers).status == 403
     assert answer(served, "/socket", **UPGRADE, Origin=own).status == 101
@@ -290,7 +302,9 @@ def test_the_server_answers_its_own_page_alone(served):
 def socket(server, token):
     from websockets.sync.client import connect
 
-    made = connect(f"ws://127.0.0.1:{server.port}/socket", origin=f"http://127.0.0.1:{server.port}", max_size=None)
+    made = connect(
+        f"ws://127.0.0.1:{server.port}/socket", origin=f"http://127.0.0.1:{server.port}", max_size=None
+    )
     made.__enter__()  # closed by the test
     made.send(json.dumps({"token": token}))
     return made
@@ -305,7 +319,9 @@ def heard(made, kind, seconds=120):
     raise AssertionError(f"no {kind}")
 
 
-@pytest.mark.parametrize("change", [lambda s: "", lambda s: s[:-1], lambda s: s + "a", lambda s: s.swapcase(), lambda s: 1])
+@pytest.mark.parametrize(
+    "change", [lambda s: "", lambda s: s[:-1], lambda s: s + "a", lambda s: s.swapcase(), lambda s: 1]
+)
 def test_another_token_is_refused(served, change):
     from websockets.exceptions import ConnectionClosed
 
@@ -327,7 +343,9 @@ def test_a_page_gets_answers_the_newest_of_each_and_its_processes_end_with_it(se
     while not answered or answered[-1] < 40:
         answered.append(heard(made, "orbit")[0]["seq"])
     assert answered == sorted(answered) and len(answered) < 40
-    made.send(json.dumps({"kind": "basins", "job": 1, "axes": ["y", "v"], "ranges": [[-2, 2], [-2, 2]], "cells": 300}))
+    made.send(
+        json.dumps({"kind": "basins", "job": 1, "axes": ["y", "v"], "ranges": [[-2, 2], [-2, 2]], "cells": 300})
+    )
     heard(made, "basins")
     made.send(json.dumps({"kind": "diagram", "job": 2, "parameter": "rho", "range": [1, 2], "columns": 4}))
     made.send(json.dumps({"kind": "stop", "job": 3}))
@@ -387,7 +405,9 @@ def test_bad_input_is_refused_at_the_door():
         ((system, {x: 1, v: 0}, {"t_span": (0, 1), "period": -1}), "period"),
         (("block",), "system"),
     ):
-        *positional, more = arguments if isinstance(arguments[-1], dict) and len(arguments) == 3 else (*arguments, {})
+        *positional, more = (
+            arguments if isinstance(arguments[-1], dict) and len(arguments) == 3 else (*arguments, {})
+        )
         with pytest.raises((ValueError, TypeError), match=words):
             subject.subject_of(*positional, **more)
     with pytest.raises(StudyError, match="scenes are"):
@@ -402,4 +422,3 @@ def test_an_explorer_gives_the_state_the_solution_and_its_script(oscillator):
                   atol=[oscillator.atol.get(s, 1e-12) for s in ("y", "v", "z")])  # fmt: skip
     np.testing.assert_array_equal(explorer.solution.x, again.x)
     assert "'rho': 2.0" in explorer.code() and explorer.state["x0"] == oscillator.start
-

@@ -3,10 +3,12 @@
     subject.py   what is explored              describe.py  its controls and views, as data
     live.py      the orbit of a state          maps.py      orbit diagram, basins, section, growing
     frames.py    the wire format               worker.py    the two processes of a page
-    server.py    files and one socket          code.py      the script and the figure of a state
-    presets.py   states worth a look           static/      the page: one ES module, one style sheet
+    processes.py what starts and ends them     server.py    files and one socket
+    widget.py    the page in a notebook        export.py    a file without Python
+    code.py      script and figure of a state  presets.py   states worth a look
+    opening.py   explore(), the command        static/      the page: one ES module, one style sheet
 
-Chain: analysis, sweep, scenes -> **explore** -> cli.py. The server computes nothing; the page draws what the processes send.
+Chain: analysis, sweep, scenes -> **explore** -> cli.py. The server computes nothing; the page draws what it is sent.
 """
 
 from __future__ import annotations

@@ -36,7 +36,12 @@ def script(subject: Subject, asked: Mapping[str, Any]) -> str:
         lines += ["from sympy import pi, symbols"]
     imports = [name for name in ("basins", "orbit_diagram") if any(f"{name}(" in line for line in body)]
     lines += [f"from pwsmooth import {', '.join(imports)}"] * bool(imports)
-    lines += ["from pwsmooth.plotting import style", "", *(c for c in subject.code if c.startswith("scene")), ""]
+    lines += [
+        "from pwsmooth.plotting import style",
+        "",
+        *(c for c in subject.code if c.startswith("scene")),
+        "",
+    ]
     return "\n".join([*lines, *body, ""])
 
 
@@ -44,7 +49,9 @@ def _own(subject: Subject, name: str) -> float | None:
     return next((float(v) for s, v in subject.system.parameters.items() if s.name == name), None)
 
 
-def _plot(subject: Subject, asked: Mapping[str, Any], p: Mapping[str, float], x0: Mapping[str, float]) -> list[str]:
+def _plot(
+    subject: Subject, asked: Mapping[str, Any], p: Mapping[str, float], x0: Mapping[str, float]
+) -> list[str]:
     """The lines that draw a view."""
     view = asked.get("for", "time")
     if view == "diagram":
@@ -69,7 +76,10 @@ def _plot(subject: Subject, asked: Mapping[str, Any], p: Mapping[str, float], x0
     if view in ("phase", "characteristic"):
         return ["with style():", f"    axes = solution.plot(phase={tuple(_pair(asked, view))!r})"]
     if view == "layer":
-        return ["with style():", f"    ax = solution.plot_layer({str(asked.get('switch', ''))!r}, {_cursor(asked)!r})"]
+        return [
+            "with style():",
+            f"    ax = solution.plot_layer({str(asked.get('switch', ''))!r}, {_cursor(asked)!r})",
+        ]
     return ["with style():", f"    axes = solution.plot({_names(asked, solution_names=None)!r})"]
 
 
@@ -80,20 +90,24 @@ def figure(subject: Subject, asked: Mapping[str, Any]) -> bytes:
     kind = checks.one_of(*FORMATS)(asked.get("format", "png"), "`format`")
     p, x0, span = state_of(subject, asked)
     view = asked.get("for", "time")
+    values: Any
     with plotting.style():
         drawn = Figure(figsize=(7.0, 4.0), layout="constrained")
         if view == "diagram":
             low, high, count, name = _diagram(asked)
+            values = np.linspace(low, high, count)
             found = orbit_diagram(
-                subject.system.with_parameters(p), name, np.linspace(low, high, count), x0, subject.period,
+                subject.system.with_parameters(p), name, values, x0, subject.period,
                 transient=100, keep=100,
             )  # fmt: skip
             found.plot(ax=drawn.subplots())
         elif view == "basins":
             axes, ranges, count = _basins(asked)
-            grid = {n: np.linspace(a, b, count) for n, (a, b) in zip(axes, ranges)}
+            values = {n: np.linspace(a, b, count) for n, (a, b) in zip(axes, ranges)}
             rest = {n: v for n, v in x0.items() if n not in axes}
-            basins(subject.system.with_parameters(p), grid, subject.period, start=rest).plot(ax=drawn.subplots())
+            basins(subject.system.with_parameters(p), values, subject.period, start=rest).plot(
+                ax=drawn.subplots()
+            )
         else:
             solution = subject.solve(span, x0, p)
             if view in ("phase", "characteristic"):

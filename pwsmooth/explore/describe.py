@@ -71,7 +71,7 @@ def characteristic(model: Model) -> list[str]:
     """(slip velocity, force): the surface of a switch, "h:lam" where it is no state, and an output of it."""
     if model.families is not None:
         return []
-    moving = [m for m in model.multipliers if m.kind == "switch" and m.surface.free_symbols & set(model.states)]
+    moving = [m for m in model.multipliers if _moves(model, m)]
     found = sorted(moving, key=lambda m: not _can_slide(model, m))
     forces = {str(n): sp.sympify(e).free_symbols for n, e in model.outputs}
     for m in found:
@@ -93,8 +93,12 @@ def switches(model: Model) -> list[str]:
 
 def _can_slide(model: Model, m: Any) -> bool:
     """Whether it is a switch with a layer: its surface moves with the states, and its dh/dt depends on it."""
-    moving = m.kind == "switch" and m.regularity == "sliding" and m.surface.free_symbols & set(model.states)
-    return bool(moving) and m.symbol in m.residual.free_symbols
+    return _moves(model, m) and m.regularity == "sliding" and m.symbol in m.residual.free_symbols
+
+
+def _moves(model: Model, m: Any) -> bool:
+    """Whether it is a switch whose surface is one of states."""
+    return m.kind == "switch" and bool(m.surface.free_symbols & set(model.states))
 
 
 def _has_hidden(system: Any) -> bool:
@@ -111,7 +115,7 @@ def _map(subject: Subject, states: list[str]) -> dict[str, Any]:
     controlled = [str(p) for p in subject.system.parameters]
     return {
         "ok": True,
-        "parameter": next((n for n in subject.ranges if n in controlled), (controlled or [None])[0]),
+        "parameter": next((n for n in (*subject.ranges, *controlled) if n in controlled), None),
         "basins": len(states) > 1,
     }
 
@@ -121,7 +125,9 @@ def _reach(start: float, k: int, solution: Any) -> list[float]:
     row = np.array([start]) if solution is None else np.append(solution.x[k][np.isfinite(solution.x[k])], start)
     most = 1.3 * float(np.abs(row).max()) or 1.0
     power = 10.0 ** math.floor(math.log10(most))
-    reach = next(float(f"{r * power:.3g}") for r in (1, 1.5, 2, 2.5, 3, 4, 5, 8, 10) if r * power >= 0.999 * most)
+    reach = next(
+        float(f"{r * power:.3g}") for r in (1, 1.5, 2, 2.5, 3, 4, 5, 8, 10) if r * power >= 0.999 * most
+    )
     return [-reach, reach]
 
 

@@ -2,8 +2,9 @@
 
     uint32 length of the header | header, padded to 4 | array | array | ...
 
-Each array is float32, uint8 or int32, padded to 4 bytes; the header lists (name, type, shape) of all. Where the span of
-an array is below 1e-4 of its place float32 would not resolve it: its offset travels in the header then.
+Each array is float32, uint8 or int32 (uint16 of its range in files), padded to 4 bytes; the header lists (name, type,
+shape) of all. Where the span of an array is below 1e-4 of its place float32 would not resolve it: its offset travels in
+the header then.
 """
 
 from __future__ import annotations
@@ -16,16 +17,28 @@ from typing import Any
 
 import numpy as np
 
-TYPES = {"f": np.dtype("<f4"), "b": np.dtype("u1"), "i": np.dtype("<i4")}
+TYPES: dict[str, Any] = {"f": np.dtype("<f4"), "b": np.dtype("u1"), "i": np.dtype("<i4"), "h": np.dtype("<u2")}
+_STEPS = 65535
 _NARROW = 1e-4  # span by place, below which an offset is taken off
 
 
-def pack(header: Mapping[str, Any], arrays: Mapping[str, Any] | None = None) -> bytes:
-    """A frame; floats become float32, int8 and bool uint8 (as two's complement), other integers int32."""
+def pack(header: Mapping[str, Any], arrays: Mapping[str, Any] | None = None, *, short: bool = False) -> bytes:
+    """A frame; floats become float32, int8 and bool uint8 (as two's complement), other integers int32.
+
+    `short`: floats become 16 bits of each one's range, its last one standing for nan.
+    """
     listed, parts = [], []
     for name, values in (arrays or {}).items():
-        values, entry = np.asarray(values), {"name": name}
-        if values.dtype.kind == "f":
+        values = np.asarray(values)
+        entry: dict[str, Any] = {"name": name}
+        if values.dtype.kind == "f" and short:
+            finite = values[np.isfinite(values)]
+            low = float(finite.min()) if finite.size else 0.0
+            scale = (float(finite.max()) - low) / (_STEPS - 1) if finite.size else 0.0
+            entry |= {"offset": low, "scale": scale or 1.0}
+            values = np.where(np.isfinite(values), np.rint((values - low) / (scale or 1.0)), _STEPS)
+            kind = "h"
+        elif values.dtype.kind == "f":
             finite = values[np.isfinite(values)]
             if finite.size and np.ptp(finite) < _NARROW * np.abs(finite).max():
                 entry["offset"] = float(finite[0])
@@ -49,7 +62,12 @@ def unpack(frame: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     for entry in header.pop("arrays"):
         kind, count = TYPES[entry["type"]], math.prod(entry["shape"])
         values = np.frombuffer(frame, kind, count, at).reshape(entry["shape"])
-        arrays[entry["name"]] = values + entry["offset"] if "offset" in entry else values
+        if entry["type"] == "h":
+            arrays[entry["name"]] = np.where(
+                values == _STEPS, np.nan, entry["offset"] + entry["scale"] * values
+            )
+        else:
+            arrays[entry["name"]] = values + entry["offset"] if "offset" in entry else values
         at += -(-count * kind.itemsize // 4) * 4
     return header, arrays
 

@@ -76,7 +76,9 @@ class Live:
         t = checks.number(asked.get("t"), "`t`")
         t = min(max(t, float(solution.t[0])), float(solution.t[-1]))
         model = solution.model
-        j = next((k for k, m in enumerate(model.multipliers) if str(m.symbol) == name and m.kind == "switch"), None)
+        j = next(
+            (k for k, m in enumerate(model.multipliers) if str(m.symbol) == name and m.kind == "switch"), None
+        )
         if j is None:
             return {"kind": "refused", "why": f"{name!r} is no switch of this system."}, {}
         x = solution(np.array([t]))[:, 0]
@@ -84,8 +86,8 @@ class Live:
         p = solution.parameters
         g = field_over(model, model.multipliers[j].residual, j, t, x, mult, p, _LAM)
         arrays = {"lam": _LAM, "g": g}
-        header = {"kind": "layer", "switch": name, "t": t, "now": mult[j], "roots": _roots(g),
-                  "h": float(field_over(model, model.multipliers[j].surface, j, t, x, mult, p, _LAM[:1])[0])}  # fmt: skip
+        h = field_over(model, model.multipliers[j].surface, j, t, x, mult, p, _LAM[:1])
+        header = {"kind": "layer", "switch": name, "t": t, "now": mult[j], "roots": _roots(g), "h": float(h[0])}
         if (slaved := self._with_fast_states()) is not None:
             other, k = slaved.model, [str(m.symbol) for m in slaved.model.multipliers].index(name)
             slow = [x[solution.states.index(str(s))] for s in other.states]
@@ -127,7 +129,9 @@ def state_of(subject: Subject, asked: Mapping[str, Any]) -> tuple[dict[str, floa
     span = checks.span(asked.get("t_span", subject.t_span))
     longest = LIMITS["span"] * max(1.0, (subject.t_span[1] - subject.t_span[0]) / 100)
     if span[1] - span[0] > 10 * longest:
-        raise ValueError(f"`t_span` is {span[1] - span[0]:g} long; {10 * longest:g} is the most that the page draws.")
+        raise ValueError(
+            f"`t_span` is {span[1] - span[0]:g} long; {10 * longest:g} is the most that the page draws."
+        )
     return p, x0, span
 
 

@@ -44,13 +44,17 @@ _PERIODS = 400  # of a trajectory in basins, before it is unsettled
 class Runner:
     """Orbits of one system over the period of its drive: strobes of many starts and parameter values at once."""
 
-    def __init__(self, subject: Subject, p: Mapping[str, float], parameter: str | None, periods: int, transient: int):
+    def __init__(
+        self, subject: Subject, p: Mapping[str, float], parameter: str | None, periods: int, transient: int
+    ):
         self.names = [s.name for s in subject.system.states]
         system = subject.system.with_parameters(p)
         self.parameter, self.periods = parameter, periods
         given = {n: [subject.start[n]] for n in self.names}
         if parameter is not None:
-            given[parameter] = [system.parameters[checks.lookup(parameter, system.parameters, "`parameter`", "parameter")]]
+            given[parameter] = [
+                system.parameters[checks.lookup(parameter, system.parameters, "`parameter`", "parameter")]
+            ]
         options = {"atol": [subject.atol.get(n, 1e-12) for n in self.names], "max_steps": LIMITS["steps"]}
         self.plan: Plan
         self.plan, _ = make_plan(
@@ -58,7 +62,7 @@ class Runner:
             None, subject.period, transient, periods, None, None, options,
         )  # fmt: skip
 
-    def __call__(self, x: np.ndarray, values: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def __call__(self, x: np.ndarray, values: Any = None) -> tuple[np.ndarray, np.ndarray]:
         """(strobes (k, periods, n), outcomes (k,)) from the starts x (k, n) at these values of the parameter."""
         columns = {n: np.ascontiguousarray(c) for n, c in zip(self.names, x.T)}
         if self.parameter is not None:
@@ -114,7 +118,9 @@ def orbit_diagram(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer
     yield head | work.told(count, count, 0) | {"finished": True}, {}
 
 
-def _carried(run: Runner, values: np.ndarray, start: np.ndarray, way: int, head: dict, work: _Work) -> Iterator[Answer]:
+def _carried(
+    run: Runner, values: np.ndarray, start: np.ndarray, way: int, head: dict, work: _Work
+) -> Iterator[Answer]:
     """Each column from where its neighbour ended: hysteresis shows where the two ways differ."""
     order = np.arange(len(values))[::way]
     x, done, pieces = start, 0, []
@@ -128,7 +134,10 @@ def _carried(run: Runner, values: np.ndarray, start: np.ndarray, way: int, head:
         if work.late or done == len(order):
             which, points = np.array([k for k, _ in pieces]), np.stack([q for _, q in pieces])
             pieces = []
-            yield head | work.told(done, len(order), 0) | {"finished": done == len(order)}, _columns(which, points, True)
+            yield (
+                head | work.told(done, len(order), 0) | {"finished": done == len(order)},
+                _columns(which, points, True),
+            )
 
 
 def _columns(which: np.ndarray, points: np.ndarray, final: Any) -> dict[str, np.ndarray]:
@@ -168,7 +177,9 @@ class _Work:
         begun = time.perf_counter()
         result = run(*arguments)
         taken = max(time.perf_counter() - begun, 1e-5)
-        self.size = int(np.clip(self.size * SLICE / taken, max(1, self.size // 4), max(4 * self.size, self._most)))
+        self.size = int(
+            np.clip(self.size * SLICE / taken, max(1, self.size // 4), max(4 * self.size, self._most))
+        )
         return result
 
     @property
@@ -198,7 +209,10 @@ def section(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
         x, count = points[0, -1:], count + len(points[0])
         pieces.append(points[0])
         if work.late or count >= total or count == len(points[0]):
-            yield head | {"done": count, "of": total, "finished": count >= total}, {"points": np.concatenate(pieces)}
+            yield (
+                head | {"done": count, "of": total, "finished": count >= total},
+                {"points": np.concatenate(pieces)},
+            )
             pieces = []
         if count >= 4 * EARLY and repeating(points)[0]:
             break

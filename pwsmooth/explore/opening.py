@@ -15,11 +15,13 @@ from ..definition import checks
 from ..results.files import write_whole
 from ..results.solution import Solution
 from .code import figure, script
+from .describe import describe
+from .export import standalone
 from .live import state_of
 from .presets import PRESETS, preset_of, subject_of_preset, with_preset, with_ranges
 from .subject import USUAL, Subject, named_subject, subject_of, subject_of_study
 
-__all__ = ["Explorer", "explore"]
+__all__ = ["explore"]
 
 
 class Explorer:
@@ -40,7 +42,14 @@ class Explorer:
     def state(self) -> dict[str, Any]:
         """Parameters `p`, start `x0` and `t_span` that the page shows, as names and numbers."""
         latest = self._server.state if self._server is not None else {}
-        asked = {**self._state, **{k: latest[k] for k in ("p", "x0", "t_span", "names", "phase") if k in latest}}
+        known = describe(self.subject)
+        shown = {k: known[k] for k in ("names", "phase", "characteristic")}
+        shown["switch"] = next(iter(known["switches"]), "")
+        asked = {
+            **shown,
+            **self._state,
+            **{k: latest[k] for k in ("p", "x0", "t_span", "names", "phase") if k in latest},
+        }
         p, x0, span = state_of(self.subject, asked)
         return {**asked, "p": p, "x0": x0, "t_span": span}
 
@@ -59,6 +68,13 @@ class Explorer:
         path = checks.path(path, "`path`")
         ending = path.suffix.removeprefix(".").lower()
         write_whole(path, figure(self.subject, {**self.state, "for": view, "format": ending}))
+
+    def export(self, path: Any, over: Mapping[Any, Any], *, views: Any = None, diagram: bool = False) -> None:
+        """One HTML file without Python: a slider over these values of a parameter, with the state's other numbers."""
+        path = checks.path(path, "`path`")
+        state = {k: v for k, v in self.state.items() if k in ("p", "x0", "t_span")}
+        text = standalone(self.subject, over, views=views, diagram=diagram, state=state)
+        write_whole(path, text.encode())
 
     def open(self) -> str:
         """Serve a page of its own, beside whatever runs; returns its address."""
@@ -87,6 +103,7 @@ def explore(
     ranges: Mapping[Any, Sequence[float]] | None = None,
     views: Sequence[str] | None = None,
     preset: str | None = None,
+    show: bool = True,
 ) -> Any:
     """Open a page on which the system answers while a slider moves; Ctrl-C ends it.
 
@@ -107,6 +124,8 @@ def explore(
         the system has.
     preset : str, optional
         A state of a scene that is worth a look; `pwsmooth explore --list` lists them.
+    show : bool
+        Whether a page, or in a notebook a widget, is opened.
 
     Returns
     -------
@@ -119,11 +138,29 @@ def explore(
         Bad input, with the argument, its value and the remedy.
     ImportError
         The extra is not installed.
+
+    Notes
+    -----
+    The page is served on this machine alone, to whoever has its address.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, explore
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> block = System({x: v, v: -x - sp.sign(v)})
+    >>> explored = explore(block, {x: 3.5, v: 0}, t_span=(0, 10), show=False)
+    >>> explored.solution.itinerary[-1], "scene.solve(" in explored.code()
+    ('stick (sgn(v) sliding)', True)
     """
+    show = checks.flag(show, "`show`")
     subject = subject_of(system_or_scene, x0, t_span=t_span, period=period, ranges=ranges, views=views)
+    subject = with_ranges(subject, subject.name.partition(",")[0].replace(" ", "_"))
     if preset is not None:
         subject = with_preset(subject, preset_of(checks.name(preset, "`preset`")))
     explorer = Explorer(subject)
+    if not show:
+        return explorer
     if "ipykernel" in sys.modules and importlib.util.find_spec("anywidget"):
         from .widget import widget_of
 
@@ -138,7 +175,9 @@ def need_websockets() -> None:
         raise ImportError("the page needs websockets: pip install 'pwsmooth[explore]'.")
 
 
-def serve(explorer: Explorer, port: int = 0, browser: bool = True, say: Any = print, fragment: str = "") -> None:
+def serve(
+    explorer: Explorer, port: int = 0, browser: bool = True, say: Any = print, fragment: str = ""
+) -> None:
     """Serve the explorer's page until Ctrl-C."""
     need_websockets()
     from .server import Server
@@ -155,8 +194,6 @@ def serve(explorer: Explorer, port: int = 0, browser: bool = True, say: Any = pr
     explorer._state, explorer._server = explorer.state, None
 
 
-
-
 def listing() -> str:
     """The scenes, with the law that each has where none is named, and the presets."""
     from ..sweep.study import known_scenes
@@ -171,7 +208,14 @@ def listing() -> str:
 
 
 def command(
-    what: str, law: str | None, preset: str | None, state: str, port: int, browser: bool, allow_code: bool, say: Any
+    what: str,
+    law: str | None,
+    preset: str | None,
+    state: str,
+    port: int,
+    browser: bool,
+    allow_code: bool,
+    say: Any,
 ) -> None:
     """What `pwsmooth explore` does."""
     need_websockets()
@@ -180,7 +224,9 @@ def command(
             raise ValueError("a preset brings its scene and its law; leave these out, or the preset.")
         subject = subject_of_preset(preset)
     elif not what:
-        raise ValueError("nothing is named: give a scene, a study or a preset; `pwsmooth explore --list` shows them.")
+        raise ValueError(
+            "nothing is named: give a scene, a study or a preset; `pwsmooth explore --list` shows them."
+        )
     elif what.endswith(".toml"):
         subject = subject_of_study(Path(what), allow_code=allow_code)
     else:

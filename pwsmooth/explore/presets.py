@@ -62,7 +62,9 @@ def preset_of(name: str) -> Preset:
 def subject_of_preset(name: str) -> Subject:
     """The subject of a preset."""
     preset = preset_of(name)
-    return with_preset(with_ranges(named_subject(preset.scene, preset.law, preset.law_values), preset.scene), preset)
+    return with_preset(
+        with_ranges(named_subject(preset.scene, preset.law, preset.law_values), preset.scene), preset
+    )
 
 
 def with_preset(subject: Subject, preset: Preset) -> Subject:

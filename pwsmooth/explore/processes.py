@@ -42,7 +42,7 @@ class Process:
                 self.asked = None
                 heard(frame)
 
-    def send(self, message: dict[str, Any], awaited: bool = True) -> None:
+    def send(self, message: Mapping[str, Any], awaited: bool = True) -> None:
         if awaited and self.asked is None:
             self.asked = time.monotonic()
         with contextlib.suppress(OSError):

@@ -141,7 +141,11 @@ class Server:
         from websockets.http11 import Response
 
         def answer(status: http.HTTPStatus, body: bytes, kind: str = "text/plain") -> Any:
-            headers = {"Content-Type": f"{kind}; charset=utf-8", "Content-Length": str(len(body)), "Connection": "close"}
+            headers = {
+                "Content-Type": f"{kind}; charset=utf-8",
+                "Content-Length": str(len(body)),
+                "Connection": "close",
+            }
             return Response(status.value, status.phrase, Headers(headers | _HEADERS), body)
 
         hosts = {f"{name}:{self.port}" for name in ("127.0.0.1", "localhost")}

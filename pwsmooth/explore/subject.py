@@ -35,7 +35,10 @@ USUAL: dict[str, tuple[str | None, dict[str, Any]]] = {
     "bristle_bot": ("Coulomb", {}),
     "block_on_belt": ("StribeckFriction", {}),
     "force_driven": ("LuGre", {"force": 1.2 * _SIN, "t_span": (0.0, 30.0), "period": 2 * math.pi}),
-    "prescribed_motion": ("Dahl", {"law.sigma0": 20.0, "position": _SIN, "t_span": (0.0, 20.0), "period": 2 * math.pi}),
+    "prescribed_motion": (
+        "Dahl",
+        {"law.sigma0": 20.0, "position": _SIN, "t_span": (0.0, 20.0), "period": 2 * math.pi},
+    ),
     "shaken_plate": ("Coulomb", {"plate": (_SIN, 0), "lift": _COS, "period": 2 * math.pi}),
     "planar_oscillator": ("Coulomb", {"force": (2 * _SIN, _COS), "t_span": (0.0, 30.0), "period": 2 * math.pi}),
     "pulled_block": ("Coulomb", {"path": (_T, 0), "plate": (0, _SIN), "start": (-1.0, 0.5)}),
@@ -64,7 +67,9 @@ class Subject:
     @cached_property
     def scene(self) -> Scene:
         """As a Scene, whose `solve` a script calls too: the same door, the same tolerances, the same bits."""
-        return Scene(self.name, self.system, self.start, self.t_span, units=dict(self.units), atol=dict(self.atol))
+        return Scene(
+            self.name, self.system, self.start, self.t_span, units=dict(self.units), atol=dict(self.atol)
+        )
 
     def solve(self, t_span: Any, x0: Any, parameters: Any, **options: Any) -> Solution:
         """The orbit of a state, with dense output."""
@@ -177,16 +182,22 @@ def named_subject(
     return _of_scene(found, law_of(chosen) if chosen else None, _lines(scene, chosen, values, arguments))
 
 
-def _lines(scene: str, law: str | None, values: Mapping[str, float], arguments: Mapping[str, Any]) -> tuple[str, ...]:
+def _lines(
+    scene: str, law: str | None, values: Mapping[str, float], arguments: Mapping[str, Any]
+) -> tuple[str, ...]:
     """Python that makes `scene`."""
     given = [] if law is None else [f"{law}({', '.join(f'{k}={v!r}' for k, v in values.items())})"]
     given += [f"{name}={value}" for name, value in arguments.items()]
-    laws = [law] * (law is not None) + [type(v).__name__ for v in arguments.values() if hasattr(v, "pieces")]
+    laws = ([law] if law else []) + [type(v).__name__ for v in arguments.values() if hasattr(v, "pieces")]
     lines = [f"from {law_of(name).__module__.rpartition('.')[0]} import {name}" for name in dict.fromkeys(laws)]
     used = {f for f in ("sin", "cos") if any(f"{f}(" in text for text in given)}
     lines += [f"from sympy import {', '.join(sorted(used))}"] * bool(used)
     needs_time = any(_T in sp.sympify(v).free_symbols for v in arguments.values() if not hasattr(v, "pieces"))
-    return (*lines, f"from pwsmooth.scenes import {scene}{', t' * needs_time}", f"scene = {scene}({', '.join(given)})")
+    return (
+        *lines,
+        f"from pwsmooth.scenes import {scene}{', t' * needs_time}",
+        f"scene = {scene}({', '.join(given)})",
+    )
 
 
 def subject_of_study(path: Path, *, allow_code: bool = False) -> Subject:

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import asyncio
 import atexit
+import functools
 import threading
 from typing import Any
-
-import anywidget
 
 from .bundle import module, style
 from .opening import Explorer
@@ -35,50 +34,58 @@ export default { render };
 """
 
 
-class Widget(anywidget.AnyWidget):  # type: ignore[misc]
-    """What a notebook shows; also an `Explorer`, whose names it has."""
-
-    _esm = module() + _RENDER
-    _css = style()
-
-    def __init__(self, explorer: Explorer) -> None:
-        super().__init__()
-        self.explorer = explorer
-        self._workers: Workers | None = None
-        self._loop = asyncio.get_event_loop()
-        self.on_msg(self._heard)
-        atexit.register(self.close_processes)
-
-    def __getattr__(self, name: str) -> Any:
-        if name in ("state", "solution", "code", "save", "open", "export"):
-            return getattr(self.explorer, name)
-        raise AttributeError(name)
-
-    def _heard(self, _: Any, content: dict[str, Any], buffers: Any) -> None:
-        if content.get("kind") == "open":  # shown, perhaps anew
-            self.close_processes()
-            self._workers = Workers(self.explorer.subject, self._frame)
-            threading.Thread(target=self._watch, args=(self._workers,), daemon=True).start()
-        elif self._workers is not None:
-            self._workers.message(content)
-            self.explorer._state.update({k: v for k, v in self._workers.state.items() if k in ("p", "x0", "t_span")})
-
-    def _frame(self, frame: bytes) -> None:
-        # A comm belongs to the kernel's thread.
-        self._loop.call_soon_threadsafe(lambda: self.send({"kind": "frame"}, [frame]))
-
-    def _watch(self, workers: Workers) -> None:
-        while not workers.over:
-            workers.watch()
-            threading.Event().wait(0.25)
-
-    def close_processes(self) -> None:
-        """End the two processes."""
-        if self._workers is not None:
-            self._workers.end()
-            self._workers = None
+def widget_of(explorer: Explorer) -> Any:
+    """The widget of an explorer; ImportError without anywidget."""
+    return _class()(explorer)
 
 
-def widget_of(explorer: Explorer) -> Widget:
-    """The widget of an explorer."""
-    return Widget(explorer)
+@functools.cache
+def _class() -> Any:
+    import anywidget  # an extra
+
+    class Widget(anywidget.AnyWidget):
+        """What a notebook shows; also an `Explorer`, whose names it has."""
+
+        _esm = module() + _RENDER
+        _css = style()
+
+        def __init__(self, explorer: Explorer) -> None:
+            super().__init__()
+            self.explorer = explorer
+            self._workers: Workers | None = None
+            self._loop = asyncio.get_event_loop()
+            self.on_msg(self._heard)
+            atexit.register(self.close_processes)
+
+        def __getattr__(self, name: str) -> Any:
+            if name in ("state", "solution", "code", "save", "open", "export"):
+                return getattr(self.explorer, name)
+            raise AttributeError(name)
+
+        def _heard(self, _: Any, content: dict[str, Any], buffers: Any) -> None:
+            if content.get("kind") == "open":  # shown, perhaps anew
+                self.close_processes()
+                self._workers = Workers(self.explorer.subject, self._frame)
+                threading.Thread(target=self._watch, args=(self._workers,), daemon=True).start()
+            elif self._workers is not None:
+                self._workers.message(content)
+                self.explorer._state.update(
+                    {k: v for k, v in self._workers.state.items() if k in ("p", "x0", "t_span")}
+                )
+
+        def _frame(self, frame: bytes) -> None:
+            # A comm belongs to the kernel's thread.
+            self._loop.call_soon_threadsafe(lambda: self.send({"kind": "frame"}, [frame]))
+
+        def _watch(self, workers: Workers) -> None:
+            while not workers.over:
+                workers.watch()
+                threading.Event().wait(0.25)
+
+        def close_processes(self) -> None:
+            """End the two processes."""
+            if self._workers is not None:
+                self._workers.end()
+                self._workers = None
+
+    return Widget

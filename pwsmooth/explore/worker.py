@@ -93,7 +93,9 @@ def maps(pipe: Any, subject: Subject) -> None:
                 subject = in_view(own, str(job.get("view", "")))
             elif job.get("kind") == "figure":
                 picture = np.frombuffer(figure(subject, job), np.uint8)
-                pipe.send_bytes(pack({"kind": "figure", "format": job.get("format", "png"), **head}, {"file": picture}))
+                pipe.send_bytes(
+                    pack({"kind": "figure", "format": job.get("format", "png"), **head}, {"file": picture})
+                )
             elif job.get("kind") in JOBS:
                 for header, arrays in JOBS[job["kind"]](subject, job):
                     pipe.send_bytes(pack({**header, **head}, arrays))

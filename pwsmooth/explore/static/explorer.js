@@ -12,13 +12,11 @@ export function unpack(buffer) {
   const length = new DataView(view.buffer, view.byteOffset, 4).getUint32(0, true), arrays = {};
   const header = JSON.parse(new TextDecoder().decode(new Uint8Array(view.buffer, view.byteOffset + 4, length)));
   let at = view.byteOffset + 4 + length;
-  for (const { name, type, shape, offset } of header.arrays) {
-    const count = shape.reduce((a, b) => a * b, 1);
-    let values = new { f: Float32Array, b: Uint8Array, i: Int32Array }[type](view.buffer, at, count);
-    if (offset !== undefined) values = Float64Array.from(values, (v) => v + offset);
-    arrays[name] = values;
-    at += Math.ceil((count * values.constructor.BYTES_PER_ELEMENT) / 4) * 4;
-    if (offset !== undefined) at -= Math.ceil(count * 4 / 4) * 4;
+  for (const { name, type, shape, offset, scale = 1 } of header.arrays) {
+    const kind = { f: Float32Array, b: Uint8Array, i: Int32Array, h: Uint16Array }[type];
+    const values = new kind(view.buffer, at, shape.reduce((a, b) => a * b, 1));
+    arrays[name] = offset === undefined ? values : Float64Array.from(values, (v) => (type === "h" && v === 65535 ? NaN : offset + scale * v));
+    at += Math.ceil(values.byteLength / 4) * 4;
   }
   return [header, arrays];
 }
@@ -38,6 +36,26 @@ export function socketTransport(token) {
   };
 }
 
+// A file of frames: one slider, whose value has a frame each.
+export function fileTransport({ scene, parameter, values, frames, layers, diagram }) {
+  const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+  let hear, at = 0;
+  return {
+    open(listen) { hear = listen; queueMicrotask(() => { hear(bytes(scene)); hear(null, { kind: "ready" }); }); },
+    send(m) {
+      if (m.kind === "orbit") {
+        at = values.reduce((best, v, k) => (Math.abs(v - m.p[parameter]) < Math.abs(values[best] - m.p[parameter]) ? k : best), 0);
+        hear(bytes(frames[at]), { seq: m.seq });
+      } else if (m.kind === "sentence") hear(null, { kind: "sentence", said: unpack(bytes(frames[at]))[0].sentence });
+      else if (m.kind === "layer" && layers[at].length) {
+        const [{ rows, ...same }, arrays] = unpack(bytes(layers[at])), n = rows.t.length, k = rows.t.reduce((best, t, k) => (Math.abs(t - m.t) < Math.abs(rows.t[best] - m.t) ? k : best), 0);
+        const row = (of, pick) => Object.fromEntries(Object.entries(of).map(([key, v]) => [key, pick(v)]));
+        hear(null, { ...same, ...row(rows, (v) => v[k]) }, { ...row(arrays, (v) => v.subarray((k * v.length) / n, ((k + 1) * v.length) / n)), lam: arrays.lam });
+      } else if (m.kind === "diagram") setTimeout(() => diagram.forEach((f) => hear(bytes(f), { job: m.job })));
+    },
+  };
+}
+
 const encoded = (state) => btoa(String.fromCharCode(...new TextEncoder().encode(JSON.stringify(state)))).replace(/\+/g, "-").replace(/\//g, "_").replace(/=+$/, "");
 const decoded = (text) => JSON.parse(new TextDecoder().decode(Uint8Array.from(atob(text.replace(/-/g, "+").replace(/_/g, "/")), (c) => c.charCodeAt(0))));
 
@@ -53,7 +71,7 @@ class App {
     this.narrow.addEventListener("change", () => this.arrange());
     this.frame();
     this.starting = true;
-    transport.open((frame) => this.hear(...unpack(frame)), (why) => { this.lost = true; this.tell(why, true); });
+    transport.open((frame, more, given = {}) => { const [header, arrays] = frame ? unpack(frame) : [{}, given]; this.hear({ ...header, ...more }, arrays); }, (why) => { this.lost = true; this.tell(why, true); });
   }
   tint() {
     this.theme = { ...(this.dark.matches ? DARK : LIGHT), font: "system-ui, sans-serif" };
@@ -163,6 +181,7 @@ class App {
     this.missing = this.views.filter((v) => v.why());
     this.views = this.views.filter((v) => !v.why());
     for (const v of this.views) v.build();
+    this.root.classList.toggle("alone", !!scene.alone);
     this.arrange();
     if (!this.ready) { if (this.notice.hidden || this.starting) this.tell("Compiling, up to a minute, once per machine ...", false, true); }
     else this.ask();
@@ -203,7 +222,8 @@ class App {
       const [min, max] = state.ranges[c.name] || [c.min, c.max], log = c.log && min > 0;
       const id = `c-${c.key || c.name}`;
       const place = (v) => String(Math.round(1000 * (log ? Math.log(Math.max(v, min) / min) / Math.log(max / min) : (v - min) / (max - min))));
-      const value = (s) => { const u = s / 1000, v = log ? min * (max / min) ** u : min + u * (max - min); return +v.toPrecision(5); };
+      const near = (v) => c.grid.reduce((best, g) => (Math.abs(g - v) < Math.abs(best - v) ? g : best));
+      const value = (s) => { const u = s / 1000, v = log ? min * (max / min) ** u : min + u * (max - min); return c.grid ? near(v) : +v.toPrecision(5); };
       const number = element("input", { type: "number", step: "any", value: plain(read()), id: `${id}-n`, "aria-label": `${c.name}, value`, onchange: (e) => go(e.target.valueAsNumber) });
       const line = element("input", { type: "range", min: 0, max: 1000, step: 1, value: place(read()), id });
       line.setAttribute("aria-valuetext", plain(read()));
@@ -217,6 +237,7 @@ class App {
       const row = element("div", { class: "slider" }, element("label", { htmlFor: id, title: c.meaning || "" }, ...pretty(c.label || c.name), c.unit ? element("span", { class: "unit" }, ` ${c.unit}`) : "", c.each ? element("span", { class: "unit" }, ` each of ${c.each}`) : ""), number, line, said);
       const go = (v, from) => {
         if (!Number.isFinite(v)) return;
+        if (c.grid) v = near(v);
         write(v);
         row.classList.add("moved");
         if (from !== line) line.value = place(v);
@@ -278,6 +299,7 @@ class App {
     const order2 = narrow ? [...shownViews.filter((v) => v.key === "mechanism"), ...shownViews.filter((v) => v.key === "time"), this.tabs, ...shownViews.filter((v) => tabbed.includes(v))].map((v) => v.box || v) : shownViews.map((v) => v.box);
     this.main.replaceChildren(...order2, ...(narrow ? [] : this.missing.filter((v) => v.key === "diagram").map((v) => element("p", { class: "missing" }, `No diagram, basins or section: ${v.why()}.`))));
     this.tabs.querySelector('[aria-selected="true"]')?.scrollIntoView({ block: "nearest", inline: "center" });
+    this.main.dataset.maps = shownViews.filter((v) => v.asked).length;
     this.main.dataset.small = shownViews.filter((v) => ["phase", "characteristic", "layer"].includes(v.key)).length;
     if (this.running && !this.running.box.isConnected) for (const v of this.halt()) v.job = null;
     this.drawAll();
@@ -342,6 +364,7 @@ class App {
     this.ask();
     for (const key of ["basins"]) this.of(key)?.draw();
   }
+  choose(name, value) { const { number } = this.fields[name]; number.value = value; number.dispatchEvent(new Event("change")); }
   point(t) {
     if (!this.orbit) return;
     const [a, b] = this.orbit.header.t_span;

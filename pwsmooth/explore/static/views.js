@@ -165,7 +165,7 @@ class Phase extends View {
     });
     this.tools.append(pick(0), pick(1));
   }
-  get states() { return this.pair.every((n) => this.app.scene.states.includes(n)) && this.pair[0] !== this.pair[1]; }
+  get states() { return !this.app.scene.alone && this.pair.every((n) => this.app.scene.states.includes(n)) && this.pair[0] !== this.pair[1]; }
   gestures() {
     return {
       ...this.both(),
@@ -265,6 +265,7 @@ class Grown extends View {
   fill() {
     this.job = null;
     this.bar = element("progress", { max: 1, value: 0, "aria-label": "progress" });
+    if (this.app.scene.alone) this.tools.hidden = true;
     this.live = element("input", { type: "checkbox", checked: this.constructor.live, onchange: () => this.app.moved() });
     this.options();
     this.tools.append(element("label", { class: "small", title: "Computed anew when a parameter has rested" }, this.live, " live"),
@@ -334,7 +335,7 @@ class Diagram extends Grown {
   }
   gestures() {
     return {
-      press: (x, y, px, py) => { this.brush = [px, py, px, py]; return true; },
+      press: (x, y, px, py) => { this.brush = [px, py, px, py]; return !this.app.scene.alone; },
       move: (x, y, px, py) => { this.brush[2] = px; this.brush[3] = py; this.draw(); },
       up: () => {
         const [x0, y0, x1, y1] = this.brush;
@@ -354,6 +355,7 @@ class Diagram extends Grown {
     let best = null;
     for (const k of this.columns.keys()) if (best === null || Math.abs(k - at) < Math.abs(best - at)) best = k;
     if (best === null) return;
+    if (this.app.scene.alone) return this.app.choose(h.parameter, x);
     const start = Object.fromEntries(h.names.map((n, k) => [n, this.columns.get(best).last[k]]).filter(([n, v]) => isFinite(v) && this.app.scene.states.includes(n)));
     this.fromDiagram = true;
     this.app.fromDiagram(h.parameter, low + ((high - low) * best) / (h.columns - 1), start);
@@ -392,7 +394,7 @@ class Diagram extends Grown {
     if (!h || this.note.classList.contains("bad")) return;
     const mode = h.carry ? `carried on ${h.carry > 0 ? "from left to right" : "from right to left"}` : "each from the same start";
     const rest = h.finished ? "" : ` ${h.done} of ${h.of} columns.`;
-    this.say(`${this.mark()}${this.halted}Strobes, ${mode}.${rest} Click: orbit there; drag: zoom.`);
+    this.say(`${this.mark()}${this.halted}Strobes, ${mode}.${rest} Click: orbit there${this.app.scene.alone ? "" : "; drag: zoom"}.`);
     this.canvas.setAttribute("aria-label", `Orbit diagram of ${written(app.state.diagram.y)} over ${written(h.parameter)}. ${h.columns} values, ${h.unsettled || 0} on their way.`);
   }
 }
