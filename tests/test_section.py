@@ -12,7 +12,7 @@ from pwsmooth.analysis.poincare import RETURN
 from pwsmooth.sweep import Function
 from pwsmooth.sweep.basins import UNSETTLED
 from pwsmooth.sweep.chunk import run_chunk, solve_point
-from pwsmooth.sweep.plan import NO_RETURN, make_plan
+from pwsmooth.sweep.plan import NO_RETURN, read_plan
 
 t, x, y, z, u = sp.symbols("t x y z u", real=True)
 k, alpha = sp.symbols("k alpha", positive=True)
@@ -86,7 +86,7 @@ def test_compiled_measures_agree_with_those_of_the_solution():
     short = {
         "max_step": 0.25
     }  # a step in a stick would go as far as the run may last, which is not the same for both
-    plan, axes = make_plan(
+    plan, axes = read_plan(
         belt, {"k": [0.3, 0.5]}, None, {"x": 0, "u": 0}, names, None, None, None, 5, 4, None, None, short, u, -1
     )
     columns = axes.columns(0, axes.size)

@@ -11,7 +11,7 @@ from friction_oscillator import coulomb, hidden, omega, z
 from pwsmooth import Event, Kicks, Outcome, Switch, System, Unilateral, solve, sweep
 from pwsmooth.sweep import Function, Period, Points
 from pwsmooth.sweep.chunk import run_chunk, solve_point
-from pwsmooth.sweep.plan import make_plan
+from pwsmooth.sweep.plan import read_plan
 
 EPS = np.finfo(float).eps
 DRIVE = 2 * sp.pi / omega
@@ -27,7 +27,7 @@ SYSTEMS = {
 
 
 def _plan(system, axes, start, measures, period=DRIVE, transient=10, periods=8, **options):
-    return make_plan(
+    return read_plan(
         system, axes, None, start, measures, None, None, period, transient, periods, None, None, options
     )
 

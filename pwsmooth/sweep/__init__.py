@@ -6,6 +6,7 @@ running.py   executors, progress      store.py     chunks on disk, resumed after
 stored.py    a store is read          identity.py  what a sweep must agree on to be resumed
 dataset.py   the result               study.py     a sweep in a TOML file
 periodicity.py, quantities.py, functions.py        measures, by subject
+refining.py  a sweep that may be looked at while it runs
 basins.py    diagrams and basins       attractors.py  which orbit a trajectory goes to
 """
 
@@ -30,6 +31,7 @@ from .measures import (
     Statistics,
     Sticks,
 )
+from .refining import SweepPlan, make_plan, refine
 from .stored import read_store
 
 if TYPE_CHECKING:
@@ -51,8 +53,11 @@ __all__ = [
     "Points",
     "Statistics",
     "Sticks",
+    "SweepPlan",
     "Window",
+    "make_plan",
     "read_store",
+    "refine",
     "sweep",
 ]
 
@@ -182,7 +187,6 @@ def sweep(
     from ..paths.budget import spending
     from ..results.records import Outcome
     from .dataset import make_dataset
-    from .plan import make_plan
     from .running import chunk_target, run_chunks
 
     workers = checks.optional(checks.integer(1, 10_000))(workers, "`workers`")
@@ -194,28 +198,15 @@ def sweep(
             f"`executor` is {checks.shown(executor)}; give a concurrent.futures.Executor, such as "
             "ProcessPoolExecutor() or a Dask client's `get_executor()`."
         )
-    plan, where = make_plan(
-        system,
-        axes,
-        points,
-        start,
-        measures,
-        t_span,
-        measure_from,
-        period,
-        transient,
-        periods,
-        units,
-        noise,
-        options,
-        section,
-        direction,
-        longest_return,
-    )
+    planned = make_plan(
+        system, axes, points=points, start=start, measures=measures, period=period, section=section,
+        direction=direction, longest_return=longest_return, transient=transient, periods=periods, t_span=t_span,
+        measure_from=measure_from, units=units, noise=noise, **options,
+    )  # fmt: skip
+    plan, where = planned.plan, planned.where
     limit = checks.optional(checks.positive)(max_seconds, "`max_seconds`")
     left = spending().deadline - time.monotonic()  # of the call that this one is part of
     deadline = time.time() + min(left, math.inf if limit is None else limit)
-    _ = plan.variables  # two measures of one name are refused before anything runs
 
     def target() -> int:
         threads = workers or getattr(executor, "_max_workers", None) or cores()

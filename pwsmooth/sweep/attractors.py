@@ -37,6 +37,7 @@ _FALLS = 8  # steps of the orbit at least, at which its Lyapunov function has to
 _ROUNDS = 4  # of leading on: with 0, 1, 3 and 7 transients before the window
 _AFFINE = 1e-2  # of the points' spread, by which they may miss an affine map: Newton's method does the rest
 _TRIALS = 32  # orbits that are looked for by Newton's method in a round
+_NEAR = 1e-3  # of an orbit, relative to 1 + abs(x): there its map is as good as linear, and one fall tells
 _SAME = 1e-3  # nearer than that, relative to 1 + abs(x), two guesses are one
 
 
@@ -83,6 +84,24 @@ class _Attractor:
         falls = height[1:] <= height[:-1] - share[:-1] / 2
         return len(falls) >= _FALLS and bool(np.all(falls | (share[:-1] <= tol**2)))
 
+    def draws_near(self, points: np.ndarray, tol: float) -> np.ndarray:
+        """Of many trajectories (trajectories, points, n) which are near the orbit, with its function falling."""
+        x, count, last = self.orbit.x, self.orbit.map.count, points.shape[1] - 1
+        scaled = (points[:, -1, None] - self.points) / (1 + np.abs(self.points))
+        off = np.abs(scaled).max(axis=2)
+        near, phase = off.min(axis=1) <= _NEAR, off.argmin(axis=1)
+        for j in range(count):  # the orbit's own point is met j steps before the last
+            rows = np.flatnonzero(near & (phase == j))
+            places = np.arange(last - j, -1, -count)[::-1]
+            if not len(rows) or len(places) < 2:
+                near[rows] = False
+                continue
+            d = (points[rows][:, places] - x) / (1 + np.abs(x))
+            height, share = np.einsum("tki,ij,tkj->tk", d, self.form, d), (d**2).sum(axis=2)
+            falls = (height[:, 1:] <= height[:, :-1] - share[:, :-1] / 2) | (share[:, :-1] <= tol**2)
+            near[rows] = falls[:, -1]
+        return near
+
 
 @dataclass
 class Attractors:
@@ -100,8 +119,8 @@ class Attractors:
 
     def label(
         self, ends: Ends, transient: int, lead_on: Callable[[np.ndarray, int], Ends]
-    ) -> tuple[list[PeriodicOrbit], np.ndarray, np.ndarray]:
-        """The attractors, the largest basin first; every trajectory's label and why it has none, each (trajectories,).
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Every trajectory's label, an index into `found`, and why it has none, each (trajectories,).
 
         `lead_on(starts, turns)` leads trajectories on from these starts, unseen for so many periods or returns and
         seen for `window` more.
@@ -131,10 +150,23 @@ class Attractors:
                 f"unsettled: after {done} {turns} it neither repeats nor is near an orbit; it is chaotic, "
                 "quasi-periodic, or slow: give a larger `transient`."
             )
+        return labels, reasons
+
+    def by_size(self, labels: np.ndarray) -> tuple[list[PeriodicOrbit], np.ndarray]:
+        """The attractors, the largest basin first, and the labels that are indices into this list."""
         order = np.argsort([-np.sum(labels == k) for k in range(len(self.found))], kind="stable")
         has_one = labels >= 0
+        labels = labels.copy()
         labels[has_one] = np.argsort(order)[labels[has_one]]
-        return [self.found[k].orbit for k in order], labels, reasons
+        return [self.found[k].orbit for k in order], labels
+
+    def arrived(self, points: np.ndarray) -> np.ndarray:
+        """Label of each of many trajectories (trajectories, points, n) that an attractor draws in, near it; else -1."""
+        labels = np.full(len(points), UNSETTLED)
+        for k, known in enumerate(self.found):
+            left = np.flatnonzero(labels == UNSETTLED)
+            labels[left[known.draws_near(points[left], self.tol)]] = k
+        return labels
 
     def _repeating(self, ends: Ends) -> list[tuple[int, str]]:
         """Label and reason of each: neither where a trajectory may still come to an orbit."""

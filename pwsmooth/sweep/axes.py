@@ -34,7 +34,11 @@ class Axes:
 
     def columns(self, start: int, stop: int) -> dict[str, np.ndarray]:
         """Name -> values at the points start, ..., stop - 1."""
-        at = dict(zip(self.dims, np.unravel_index(np.arange(start, stop), self.shape)))
+        return self.at(np.arange(start, stop))
+
+    def at(self, points: np.ndarray) -> dict[str, np.ndarray]:
+        """Name -> values at the points of these numbers."""
+        at = dict(zip(self.dims, np.unravel_index(points, self.shape)))
         return {name: values[at[dim]] for name, (dim, values) in self.values.items()}
 
     def boxes(self, target: int) -> tuple[tuple[int, ...], list[tuple[int, int]]]:

@@ -8,9 +8,10 @@ Chain: sweep, attractors.py -> **basins**.
 
 from __future__ import annotations
 
+import functools
 import itertools
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,10 +22,16 @@ from ..analysis.sections import LONGEST, poincare_map
 from ..definition import checks
 from ..definition.describe import Described, Rows, number
 from ..paths.budget import whole
+from ..results.records import Outcome
 from .attractors import FAILED, UNSETTLED, Attractors, Ends
+from .chunk import run_chunk
+from .measures import Period, Points
 from .plan import why_not
+from .refining import SweepPlan, in_chunks, make_plan, ordered
 
-__all__ = ["FAILED", "UNSETTLED", "Basins", "OrbitDiagram", "basins", "orbit_diagram"]
+__all__ = ["FAILED", "UNSETTLED", "Basins", "OrbitDiagram", "basins", "orbit_diagram", "refine_basins"]
+
+_TURNS = 6  # periods or returns between two looks at where a trajectory is
 
 
 @dataclass(frozen=True, repr=False)
@@ -180,31 +187,181 @@ def basins(
     >>> [f"{sp.Float(found.attractors[k].x[0], 4)}" for k in found.labels]
     ['1.000', '1.000', '3.000']
     """
-    from . import Period, Points, sweep
-
-    names = [s.name for s in system.model.states]
-    base = poincare_map(system, period, section, direction, longest_return, {})
-    strobed = dict(period=period, section=section, direction=direction, longest_return=longest_return)
-
-    def ends(grid: Any, seen: int, kept: int, **more: Any) -> Ends:
-        data = sweep(
-            system, grid, **strobed, periods=seen, measures=[Period(longest, tol), Points(*names, last=kept)],
-            **{"progress": False, **options, **more},
-        )  # fmt: skip
-        points = np.stack([data[f"{name}_points"].values for name in names], axis=-1)
-        cycle, outcome = (data[name].values.reshape(-1) for name in ("period", "outcome"))
-        return Ends(points.reshape(-1, kept, len(names)), cycle, outcome)
-
-    def lead_on(starts: np.ndarray, unseen: int) -> Ends:
-        window, again = attractors.window, dict(zip(names, starts.T))
-        return ends(None, window, window, points=again, transient=unseen, store=None)
-
-    attractors = Attractors(base, longest, tol)
-    first = ends(axes, 2 * longest, longest, start=start, transient=transient)
-    orbits, labels, reasons = attractors.label(first, transient, lead_on)
+    search = _Search(system, period, section, direction, longest_return, longest, tol, options)
+    first = search.ends(axes, 2 * longest, longest, start=start, transient=transient)
+    labels, reasons = search.attractors.label(first, transient, search.lead_on)
+    orbits, labels = search.attractors.by_size(labels)
     axis_values = {str(getattr(key, "name", key)): np.asarray(values, float) for key, values in axes.items()}
     shape = tuple(len(values) for values in axis_values.values())
     return Basins(axis_values, labels.reshape(shape), orbits, reasons.reshape(shape))
+
+
+class _Search:
+    """Runs of the Poincare map of one system, and the attractors that they have led to."""
+
+    def __init__(
+        self, system: Any, period: Any, section: Any, direction: int, longest_return: float, longest: int, tol: float,
+        options: Mapping[str, Any],
+    ) -> None:  # fmt: skip
+        base = poincare_map(system, period, section, direction, longest_return, {})
+        self.system, self.longest, self.options = system, longest, options
+        self.names = [s.name for s in system.model.states]
+        self.strobed: dict[str, Any] = dict(
+            period=period, section=section, direction=direction, longest_return=longest_return
+        )
+        self.attractors = Attractors(base, longest, tol)
+
+    def measures(self, kept: int) -> list[Any]:
+        return [Period(self.longest, self.attractors.tol), Points(*self.names, last=kept)]
+
+    def ends(self, grid: Any, seen: int, kept: int, **more: Any) -> Ends:
+        from . import sweep
+
+        data = sweep(
+            self.system, grid, **self.strobed, periods=seen, measures=self.measures(kept),
+            **{"progress": False, **self.options, **more},
+        )  # fmt: skip
+        return self.read({str(name): values.values for name, values in data.items()}, kept)
+
+    def read(self, values: Mapping[str, np.ndarray], kept: int) -> Ends:
+        points = np.stack([values[f"{name}_points"] for name in self.names], axis=-1)
+        cycle, outcome = (values[name].reshape(-1) for name in ("period", "outcome"))
+        return Ends(points.reshape(-1, kept, len(self.names)), cycle, outcome)
+
+    def lead_on(self, starts: np.ndarray, unseen: int) -> Ends:
+        window, again = self.attractors.window, dict(zip(self.names, starts.T))
+        return self.ends(None, window, window, points=again, transient=unseen, store=None)
+
+
+@checks.door(
+    system=checks.system, axes=checks.mapping, start=checks.optional(checks.mapping), tol=checks.positive,
+    transient=checks.integer(0), longest=checks.integer(1, 10_000), direction=checks.one_of(1, -1),
+    longest_return=checks.positive,
+)  # fmt: skip
+def refine_basins(
+    system: Any,
+    axes: Mapping[Any, Sequence[float]],
+    period: Any = None,
+    *,
+    section: Any = None,
+    direction: int = 1,
+    longest_return: float = LONGEST,
+    start: Mapping[Any, float] | None = None,
+    transient: int = 200,
+    longest: int = 8,
+    tol: float = 1e-5,
+    order: Sequence[int] | None = None,
+    budget: float | None = None,
+    **options: Any,
+) -> Iterator[tuple[np.ndarray, np.ndarray, list[PeriodicOrbit]]]:
+    """Find basins chunk by chunk, the coarse picture first, for as long as it is wanted.
+
+    As `basins`, which runs all starts to the end: here a trajectory is finished as soon as an attractor that is known
+    draws it in from a thousandth away, mostly after a dozen periods.
+
+    Parameters
+    ----------
+    system : System
+        Driven with `period`, or autonomous with a `section`.
+    axes : mapping of state to sequence of float, any length
+        The grid, in the units of the states.
+    period : float or Expr, in the unit of the model's time
+        Of the drive; or
+    section : Expr
+        A surface that an autonomous system crosses.
+    direction : {1, -1}
+        The section is crossed with its function rising or falling.
+    longest_return : float, in the unit of the model's time
+        How long a trajectory may be on its way to the section.
+    start : mapping of state to float, optional
+        Values of the states that are no axes, in their units.
+    transient : int
+        Periods or returns after which a trajectory that no known attractor has drawn in is looked at as `basins` does.
+    longest : int
+        Longest orbit, in periods or returns, that counts as periodic.
+    tol : float, dimensionless
+        As of `basins`.
+    order : sequence of int, optional
+        Numbers of the starts to run, the last axis fastest, in this order; by default as of `sweep.refine`.
+    budget : float, s, optional
+        Of processor time, after which no further chunk begins.
+    **options
+        rtol, atol, method, order, max_step, max_steps of `solve`.
+
+    Returns
+    -------
+    iterator of (ndarray of int, shape (k,), ndarray of int, shape (k,), list of PeriodicOrbit)
+        Numbers of starts in a chunk, their labels as in `Basins`, and the attractors found so far, to which labels are
+        indices: each confirmed by Newton's method, and never renumbered.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, as `basins` and `sweep.refine` say it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System
+    >>> from pwsmooth.sweep.basins import refine_basins
+    >>> t, x = sp.symbols("t x", real=True)
+    >>> clock = Event(sp.sin(2 * sp.pi * t - 1), direction=1, update={x: x + (x - x**3) / 2})
+    >>> cubic = System({x: 0 * x}, time=t, events=[clock])
+    >>> for indices, labels, attractors in refine_basins(cubic, {x: np.linspace(-0.5, 0.5, 100)}, 1, transient=60):
+    ...     print(len(indices), sorted(round(float(orbit.x[0]), 6) for orbit in attractors))
+    ...     break
+    40 [-1.0, 1.0]
+    """
+    search = _Search(system, period, section, direction, longest_return, longest, tol, options)
+    planned = make_plan(
+        system, axes, start=start, **search.strobed, transient=transient, periods=2 * longest,
+        measures=search.measures(longest), **options,
+    )  # fmt: skip
+    if strangers := [name for name, kind in planned.where.kinds.items() if kind != "state"]:
+        raise ValueError(f"`axes` names {strangers[0]!r}, which is no state; a basin is a set of starts.")
+    numbers, most = ordered(planned, order), checks.optional(checks.positive)(budget, "`budget`")
+    return in_chunks(functools.partial(_arrivals, search, planned), numbers, most)
+
+
+def _arrivals(
+    search: _Search, planned: SweepPlan, numbers: np.ndarray
+) -> tuple[np.ndarray, list[PeriodicOrbit]]:
+    """Labels of the starts of these numbers, and the attractors so far."""
+    names, attractors = search.names, search.attractors
+    plan = replace(planned.plan, kinds=tuple((name, "state") for name in names))
+    x = np.tile(np.array(plan.start), (len(numbers), 1))
+    for name, column in planned.where.at(numbers).items():
+        x[:, names.index(name)] = column
+
+    def strobes(rows: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+        going = replace(
+            plan,
+            transient=0,
+            periods=count,
+            measures=(Points(*names),),
+            setting=replace(plan.setting, periods=count),
+        )
+        found = run_chunk(going, dict(zip(names, x[rows].T)))
+        return np.stack([found[f"{name}_points"] for name in names], axis=-1), found["outcome"]
+
+    labels, rows, done = np.full(len(numbers), UNSETTLED), np.arange(len(numbers)), 0
+    lost: list[np.ndarray] = []
+    # A few periods at a time, later as many as before; of a longer cycle so many that one of its points is met twice.
+    least = max([_TURNS, *(2 * known.orbit.map.count + 1 for known in attractors.found)])
+    while attractors.found and len(rows) and done + (count := max(least, done // 2)) <= plan.transient:
+        points, outcome = strobes(rows, count)
+        sound = outcome == Outcome.FINISHED
+        lost.append(rows[~sound])
+        rows, points = rows[sound], points[sound]
+        x[rows], labels[rows] = points[:, -1], attractors.arrived(points)
+        rows, done = rows[labels[rows] == UNSETTLED], done + count
+    rows = np.concatenate([*lost, rows])
+    if len(rows):
+        rest = replace(plan, transient=plan.transient - done)
+        ends = search.read(run_chunk(rest, dict(zip(names, x[rows].T))), search.longest)
+        labels[rows], _ = attractors.label(ends, plan.transient, search.lead_on)
+    return labels, [known.orbit for known in attractors.found]
 
 
 @dataclass(frozen=True, repr=False)

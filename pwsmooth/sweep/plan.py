@@ -178,7 +178,7 @@ def why_not(outcome: int) -> str:
     return texts[outcome]
 
 
-def make_plan(
+def read_plan(
     system: Any, axes: Any, points: Any, start: Any, measures: Any, t_span: Any, measure_from: Any, period: Any,
     transient: Any, periods: Any, units: Any, noise: Any, options: Mapping[str, Any],
     section: Any = None, direction: Any = 1, longest_return: Any = LONGEST,

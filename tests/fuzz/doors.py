@@ -40,7 +40,7 @@ from pwsmooth.analysis import sections, sticking
 from pwsmooth.derivatives import NoDerivative
 from pwsmooth.fit import Record, fit
 from pwsmooth.laws import Joint, contact, friction
-from pwsmooth.sweep import study
+from pwsmooth.sweep import make_plan, study
 
 SECONDS = 5.0  # of processor time in a call
 t, x, v, k, z = sp.symbols("t x v k z", real=True)
@@ -227,6 +227,24 @@ def subjects():
         "manifold": dict(saddle=saddle, kind="stable", length=0.5, box={x: (-2, 2), v: (-2, 2)}, most=50),
         "sliding_portrait": dict(
             system=through, switch="lam", box={x: (-1.0, 1.0), v: (-1.0, 1.0)}, at={}, points=5
+        ),
+        "make_plan": dict(system=system, axes={"k": [1.0, 2.0]}, units={"k": "N/m"}, **many),
+        "sweep.refine": dict(
+            plan=make_plan(system, {"k": [1.0, 2.0]}, **many),
+            order=[1, 0],
+            budget=1.0,
+            settle=1e-6,
+        ),
+        "sweep.SweepPlan": None,  # of make_plan
+        "refine_basins": dict(
+            system=system,
+            axes={"x": [0.0, 1.0]},
+            period=drive,
+            start={"v": 0.0},
+            transient=5,
+            longest=2,
+            budget=1.0,
+            **short,
         ),
         "sweep.Cost": dict(name="J", cost=costs.final(x), unit="m"),
         "sweep.read_store": dict(path=stored),
