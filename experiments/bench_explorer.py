@@ -3,8 +3,8 @@
 A headless Chromium at 1280 x 900, the friction oscillator with all its views, one machine. Clock times depend on what
 else runs there, so that each stands beside an empty round trip through the same page, server and process, one after the
 other in the same run; the load is written down. Expected: a picture takes no more than 2.5 empty trips (95th percentile)
-and 15 ms more than one (median); 2.5 ms of work in the process; an orbit diagram of 800 columns 3 s and basins of
-300 x 300 starts 1.3 times (periods x the time of a period in `sweep`) of processor time.
+and 15 ms more than one (median); 2.5 ms of work in the process; an orbit diagram of 800 columns 3 s of processor time.
+What a period costs in basins beside `sweep` is measured by bench_refine.py.
 
 Usage: python experiments/bench_explorer.py [--moves 300] [--long 1000] [--out FILE.json]
 """
@@ -81,27 +81,6 @@ def processes(pid: int) -> list[int]:
     return [pid, *(int(line.split()[0]) for line in told.splitlines() if "spawn_main" in line)]
 
 
-def period_in_sweep() -> float:
-    """Processor seconds of a period of the same orbits in `sweep`."""
-    from pwsmooth import sweep
-    from pwsmooth.explore.presets import subject_of_preset
-
-    scene = subject_of_preset("figure-8")
-    random = np.random.default_rng(1)
-    points = {"y": random.uniform(-2, 2, 4000), "v": random.uniform(-2.5, 2.5, 4000)}
-    arguments: dict[str, Any] = dict(
-        points=points, start=scene.start, period=scene.period, transient=0, periods=8, measures=["points(y, v, z)"],
-        workers=1, progress=False,
-    )  # fmt: skip
-    sweep(scene.system, **arguments)
-    taken = []
-    for _ in range(3):
-        begun = time.process_time()
-        sweep(scene.system, **arguments)
-        taken.append(time.process_time() - begun)
-    return statistics.median(taken) / (4000 * 8)
-
-
 def measured(moves: int, many: int) -> dict[str, Any]:
     """All of the table."""
     from playwright.sync_api import sync_playwright
@@ -124,20 +103,19 @@ def measured(moves: int, many: int) -> dict[str, Any]:
         found["picture - empty p50"] = found["picture"]["p50"] - found["empty"]["p50"]
         tab.evaluate("explorer.reset()")
         wait(tab, IDLE)
+        tab.evaluate("explorer.of('diagram').wanted = 800")
         diagram = tab.evaluate(FIRST, "diagram")
         shown = np.array(sorted(diagram["columns"])) / (diagram["header"]["columns"] - 1)
         found["diagram"] = {
             "first ms": diagram["first"], "all s": diagram["all"] / 1e3, "columns": diagram["header"]["columns"],
-            "periods": diagram["header"]["periods"], "cpu s": diagram["header"]["cpu"],
+            "cpu s": diagram["header"]["cpu"],
             "widest gap of the first picture": float(np.diff([0.0, *shown, 1.0]).max()),
         }  # fmt: skip
         basins = tab.evaluate(FIRST, "basins")
-        cpu, periods, one = basins["header"]["cpu"], basins["header"]["periods"], period_in_sweep()
         found["basins"] = {
-            "first ms": basins["first"], "all s": basins["all"] / 1e3, "cpu s": cpu, "periods": periods,
-            "microseconds of a period in sweep": 1e6 * one, "cpu / (periods x that)": cpu / (periods * one),
-            "attractors": len([c for c in basins["header"]["cycles"] if c["sure"]]),
-            "unsettled": basins["header"]["unsettled"], "failed": basins["header"]["failed"],
+            "first ms": basins["first"], "all s": basins["all"] / 1e3, "cpu s": basins["header"]["cpu"],
+            "attractors": len(basins["header"]["cycles"]), "unsettled": basins["header"]["unsettled"],
+            "failed": basins["header"]["failed"],
         }  # fmt: skip
         tab.evaluate(DRAG, 200)
         wait(tab, IDLE)

@@ -157,7 +157,7 @@ def views(b: Browser, shots: Path | None) -> None:
                         for map in ("diagram", "section", "basins")[: 3 if scene == SCENES[0] else 1]:
                             wait(
                                 tab,
-                                f"(v => !v || v.columns?.size || v.label || v.points?.length)(explorer.of('{map}'))",
+                                f"(v => !v || v.columns?.size || v.shade || v.points?.length)(explorer.of('{map}'))",
                                 60,
                                 f"{scene}, {width}: {map} does not begin",
                             )
@@ -312,9 +312,9 @@ def gestures(b: Browser, shots: Path | None) -> None:
         )
         # Rows of the basins stand where the attractors' own dots are.
         tab.keyboard.press("b")
-        wait(tab, "explorer.of('basins').job.header?.cycles?.filter(c => c.sure).length > 1", 60)
+        wait(tab, "explorer.of('basins').job.header?.cycles?.length > 1", 60)
         place = """(() => { const v = explorer.of('basins'), h = v.job.header, n = h.cells, at = explorer.state.basins.axes.map(a => explorer.scene.states.indexOf(a));
-          return h.cycles.map((c, k) => !c.sure || ((row, column) => {
+          return h.cycles.map((c, k) => ((row, column) => {
             const near = [0, 1, -1].flatMap(r => [0, 1, -1].map(q => v.shade[(row + r) * n + column + q])); // one row on: its basin may be thin
             return near.some(s => s < 3) ? null : near.includes(k + 3); })(
               Math.round((c.x[at[1]] - h.ranges[1][0]) / (h.ranges[1][1] - h.ranges[1][0]) * (n - 1)), Math.round((c.x[at[0]] - h.ranges[0][0]) / (h.ranges[0][1] - h.ranges[0][0]) * (n - 1)))); })()"""

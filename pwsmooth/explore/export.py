@@ -19,7 +19,7 @@ from .bundle import module, style
 from .describe import describe
 from .frames import pack
 from .live import Live, state_of
-from .maps import orbit_diagram
+from .maps import diagram as columns_of
 from .subject import Subject
 
 MOST = 5_000_000  # bytes of a file
@@ -98,7 +98,7 @@ def standalone(
     grown = []
     if diagram:
         request = {**asked, "parameter": name, "range": [values[0], values[-1]], "columns": 400, "keep": 64}
-        grown = [_column_frame(known["states"][0], *answer) for answer in orbit_diagram(subject, request)]
+        grown = [_column_frame(known["states"][0], *answer) for answer in columns_of(subject, request)]
     data = {"scene": _text(pack(scene)), "parameter": name, "values": values.tolist(), "frames": frames,
             "layers": [layers.get(k, "") for k in range(len(values))], "diagram": grown}  # fmt: skip
     text = _PAGE.format(

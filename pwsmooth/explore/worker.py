@@ -19,8 +19,6 @@ from .describe import LIMITS, describe
 from .frames import pack
 from .subject import Subject
 
-_WARM = {"columns": 2, "keep": 32}
-
 
 def live(pipe: Any, subject: Subject) -> None:
     """Answers "orbit", "layer", "sentence", "code" and "view"."""
@@ -74,10 +72,19 @@ def maps(pipe: Any, subject: Subject) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     own = subject
     if subject.period is not None and not subject.system.model.smoothing:
-        for parameter in list(subject.system.parameters)[:1]:
-            at = subject.system.parameters[parameter]
-            asked = {"parameter": parameter.name, "range": [at, at * (1 + 1e-9) + 1e-9], **_WARM}
+        for parameter, at in list(subject.system.parameters.items())[:1]:
+            asked = {
+                "parameter": parameter.name,
+                "range": [at, at * (1 + 1e-9) + 1e-9],
+                "columns": 2,
+                "keep": 2,
+            }
             for _ in JOBS["diagram"](subject, asked):
+                break
+        names = [s.name for s in subject.system.states][:2]
+        if len(names) == 2:  # Newton's method, too
+            around = [[subject.start[n] - 1e-3, subject.start[n] + 1e-3] for n in names]
+            for _ in JOBS["basins"](subject, {"axes": names, "ranges": around, "cells": 2}):
                 break
     message: dict[str, Any] | None = None
     while True:

@@ -439,7 +439,7 @@ class App {
     if (this.narrow.matches) return true;
     const h = this.views.find((v) => v.key === "diagram")?.job?.header;
     if (!h || this.running) return false;
-    const seconds = (h.cpu / h.periods) * 9e5; // ten periods a start
+    const seconds = (h.cpu / h.done) * 9000; // 90 000 starts of eight periods, where a column has eighty
     if (seconds > 40) view.say(`↻ shows which orbit each start leads to, in ${seconds > 90 ? `${Math.round(seconds / 60)} minutes` : "a minute"} or so.`);
     return seconds <= 40;
   }

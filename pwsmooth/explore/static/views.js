@@ -323,15 +323,15 @@ class Diagram extends Grown {
   asked() {
     const { diagram } = this.app.state;
     return { kind: "diagram", parameter: diagram.parameter, range: this.app.span(diagram), carry: diagram.carry,
-      columns: Math.min(800, Math.max(200, Math.round((this.plot.inner[0] || 400) * 1.5))), keep: 100 };
+      columns: this.wanted || Math.min(800, Math.max(200, Math.round((this.plot.inner[0] || 400) * 1.5))), keep: 100 };
   }
   restart() { super.restart(); this.columns = new Map(); this.plot.y.forget(); this.plot.y.zoomed = null; this.fromDiagram = false; }
-  seconds(h) { return h.cpu > 2 ? (h.cpu / h.periods) * 60 * (h.of - h.done) : 0; }
-  take(header, { column, points, last, final }) {
+  seconds(h) { return h.cpu > 1 ? (h.cpu / h.done) * (h.of - h.done) : 0; }
+  take(header, { column, points, last }) {
     if (!column) return;
     const n = header.names.length, m = points.length / column.length / n;
     for (let k = 0; k < column.length; k++)
-      this.columns.set(column[k], { points: points.subarray(k * m * n, (k + 1) * m * n), last: last.subarray(k * n, (k + 1) * n), final: final[k] });
+      this.columns.set(column[k], { points: points.subarray(k * m * n, (k + 1) * m * n), last: last.subarray(k * n, (k + 1) * n) });
   }
   gestures() {
     return {
@@ -382,8 +382,8 @@ class Diagram extends Grown {
     const { ctx } = plot, j = h.names.indexOf(app.state.diagram.y), n = h.names.length, [low, high] = h.range;
     const size = this.columns.size > 150 ? 1.1 : 2;
     ctx.fillStyle = this.stale ? app.theme.ghost : app.theme.curve;
-    for (const [column, { points, final }] of this.columns) {
-      ctx.globalAlpha = final ? 0.75 : 0.35;
+    ctx.globalAlpha = 0.75;
+    for (const [column, { points }] of this.columns) {
       const x = plot.px(low + ((high - low) * column) / (h.columns - 1)) - size / 2;
       for (let k = j; k < points.length; k += n) ctx.fillRect(x, plot.py(points[k]) - size / 2, size, size);
     }
@@ -395,7 +395,7 @@ class Diagram extends Grown {
     const mode = h.carry ? `carried on ${h.carry > 0 ? "from left to right" : "from right to left"}` : "each from the same start";
     const rest = h.finished ? "" : ` ${h.done} of ${h.of} columns.`;
     this.say(`${this.mark()}${this.halted}Strobes, ${mode}.${rest} Click: orbit there${this.app.scene.alone ? "" : "; drag: zoom"}.`);
-    this.canvas.setAttribute("aria-label", `Orbit diagram of ${written(app.state.diagram.y)} over ${written(h.parameter)}. ${h.columns} values, ${h.unsettled || 0} on their way.`);
+    this.canvas.setAttribute("aria-label", `Orbit diagram of ${written(app.state.diagram.y)} over ${written(h.parameter)}. ${h.columns} values.`);
   }
 }
 
@@ -418,11 +418,11 @@ class Basins extends Grown {
     return JSON.stringify([p, rest, basins, this.app.view]);
   }
   asked() { const { axes, ranges } = this.app.state.basins; return { kind: "basins", axes, ranges, cells: 300 }; }
-  restart() { super.restart(); this.label = null; }
-  take(header, { cell, label, step, guessed }) {
+  restart() { super.restart(); this.shade = null; }
+  take(header, { cell, label, step }) {
     const n = header.cells;
-    if (!this.label) {
-      this.label = new Uint8Array(n * n); this.sure = new Uint8Array(n * n); this.shade = new Uint8Array(n * n); this.side = new Uint8Array(n * n).fill(255);
+    if (!this.shade) {
+      this.shade = new Uint8Array(n * n); this.side = new Uint8Array(n * n).fill(255);
       this.bitmap = element("canvas", { width: n, height: n });
       this.pixels = new ImageData(n, n);
     }
@@ -432,14 +432,14 @@ class Basins extends Grown {
       for (let r = row; r < Math.min(n, row + s); r++)
         for (let q = column; q < Math.min(n, column + s); q++) {
           const at = r * n + q;
-          if (this.side[at] >= s) { this.side[at] = s; this.shade[at] = label[k]; this.sure[at] = guessed[k] ? 0 : 1; }
+          if (this.side[at] >= s) { this.side[at] = s; this.shade[at] = label[k]; }
         }
     }
     this.tint();
   }
   tint() {
     const { app } = this, h = this.job?.header;
-    if (!h || !this.label) return;
+    if (!h || !this.shade) return;
     const n = h.cells, data = this.pixels.data, rgb = (c) => [1, 3, 5].map((k) => parseInt(c.slice(k, k + 2), 16));
     const colours = [null, rgb(app.theme.paper), rgb(app.theme.ghost), ...app.scene.colours.basins.map((c) => rgb(app.tone(c)))];
     for (let at = 0; at < n * n; at++) {
@@ -448,7 +448,7 @@ class Basins extends Grown {
       if (!c) { data[to + 3] = 0; continue; }
       const failed = shade === 1 && ((at / n) | 0) % 6 === 3 && at % 6 === 3;
       data[to] = failed ? 128 : c[0]; data[to + 1] = failed ? 128 : c[1]; data[to + 2] = failed ? 128 : c[2];
-      data[to + 3] = this.sure[at] ? 255 : 204;
+      data[to + 3] = 255;
     }
     this.bitmap.getContext("2d").putImageData(this.pixels, 0, 0);
   }
@@ -473,12 +473,12 @@ class Basins extends Grown {
   }
   paint(plot, app) {
     const h = this.job?.header, { axes } = app.state.basins, { ctx } = plot;
-    if (h && this.label && h.axes.join() === axes.join()) {
+    if (h && this.shade && h.axes.join() === axes.join()) {
       ctx.globalAlpha = this.stale ? 0.35 : 1;
       plot.image(this.bitmap, h.ranges[0][0], h.ranges[1][0], h.ranges[0][1], h.ranges[1][1]);
       ctx.globalAlpha = 1;
       const at = axes.map((n) => app.scene.states.indexOf(n));
-      h.cycles.forEach((c) => { if (c.sure && c.x) plot.dot(c.x[at[0]], c.x[at[1]], app.theme.ink, 4.5); });
+      h.cycles.forEach((c) => { plot.dot(c.x[at[0]], c.x[at[1]], app.theme.ink, 4.5); });
     }
     const [xs, ys] = axes.map((n) => app.strobed(n));
     if (xs && ys) {
@@ -491,7 +491,7 @@ class Basins extends Grown {
     const h = this.job?.header;
     if (this.note.classList.contains("bad")) return;
     if (!h) return this.say("↻ shows which orbit each start leads to; click or drag to follow one.");
-    const names = h.cycles.map((c, k) => c.sure ? `${k + 1}: period ${c.period}, |multiplier| ${Math.hypot(...(c.multipliers[0] || [0, 0])).toFixed(3)}` : c.rest ? `${k + 1}: at rest, or orbits side by side` : c.period ? `attractor ${k + 1} (not yet confirmed)` : "").filter(Boolean);
+    const names = h.cycles.map((c, k) => `${k + 1}: period ${c.period}, |multiplier| ${Math.hypot(...(c.multipliers[0] || [0, 0])).toFixed(3)}`);
     const counts = [h.unsettled ? `${h.unsettled} unsettled` : "", h.failed ? `${h.failed} failed` : "", h.finished ? "" : `${Math.floor((100 * h.done) / h.of)} %`].filter(Boolean);
     this.say(`${this.mark()}${[...names, ...counts].join("; ")}`);
     this.canvas.setAttribute("aria-label", `Basins over ${axesOf(h)}: ${names.join("; ")}`);
@@ -528,7 +528,7 @@ class Section extends Grown {
   }
   after() {
     const h = this.job?.header;
-    if (h && !this.note.classList.contains("bad")) this.say(`${this.mark()}${h.done} periods${h.finished && h.done < 5000 ? ", repeating" : ""}. Click: start there.`);
+    if (h && !this.note.classList.contains("bad")) this.say(`${this.mark()}${h.done} periods${h.repeats ? ", repeating" : ""}. Click: start there.`);
   }
 }
 
