@@ -1,6 +1,6 @@
 """pwsmooth explore in a real browser: a headless Chromium, at desktop and phone width, with the network blocked.
 
-    python tests/explore_in_browser.py [--shots DIR] [--install] [--only NAME]
+    python tests/explore_in_browser.py [--shots DIR] [--install] [--only NAME] [--self-test]
 
 Each scene is served by the command itself; what a user does is done, and what the page then shows is looked at: ink and
 labels of every view, sliders, drags, keys, links, two tabs, a server that ends. Nothing may reach the console, another
@@ -13,9 +13,11 @@ import argparse
 import contextlib
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -66,6 +68,9 @@ HASH = """() => [...document.querySelectorAll('.time canvas, .phase canvas, .cha
   const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; let h = 7;
   for (let k = 0; k < d.length; k++) h = (Math.imul(h, 31) + d[k]) | 0;
   return h; })"""
+# Counts what stays when a part of the page is made anew: listeners of the whole page.
+LISTENERS = """window.listeners = 0;
+for (const at of [window, document]) { const add = at.addEventListener; at.addEventListener = function (...a) { window.listeners++; return add.apply(this, a); }; }"""
 # Nothing is on its way, and what came was drawn.
 IDLE = """() => window.explorer && explorer.orbit && explorer.inFlight === null && !explorer.waiting && !explorer.due
   && performance.now() - explorer.drawnAt > 60"""
@@ -119,6 +124,7 @@ class Browser:
     def tab(self, url: str, width: str = "desktop", **more: Any) -> Iterator[Any]:
         size = dict(zip(("width", "height"), WIDTHS[width]))
         context = self.chromium.new_context(viewport=size, has_touch=width == "phone", **more)
+        context.add_init_script(LISTENERS)
         tab = context.new_page()
         tab.on("console", lambda m: self.said.append(f"console: {m.text}") if m.type == "error" else None)
         tab.on("pageerror", lambda e: self.said.append(f"script error: {e}"))
@@ -140,46 +146,39 @@ class Browser:
 
 def views(b: Browser, shots: Path | None) -> None:
     """Every view of six scenes has ink, its label, and room; nothing is cut off, unnamed or too small for a finger."""
-    for scene in SCENES:
-        with served(scene) as (url, _):
+    with contextlib.ExitStack() as stack:
+        servers = {scene: stack.enter_context(served(scene))[0] for scene in SCENES}
+        for scene, url in servers.items():
             for width in WIDTHS:
                 with b.tab(url, width) as tab:
                     keys = tab.evaluate("explorer.views.map(v => v.key)")
                     expect(VIEWS[scene] <= set(keys), f"{scene}: no {VIEWS[scene] - set(keys)}")
-                    few = (
-                        keys
-                        if scene in (SCENES[0], "impact_oscillator")
-                        else [k for k in keys if k not in ("diagram", "basins", "section")]
-                    )
-                    for key in few if width == "phone" else ("",):
+                    # All tabs of one scene, of the others the first one.
+                    tabs = ["", *(keys if scene == SCENES[0] and width == "phone" else ())]
+                    for key in tabs:
                         if key and tab.evaluate(f"!explorer.of('{key}')"):
                             tab.evaluate(f"explorer.tab = '{key}', explorer.arrange()")
-                        for map in ("diagram", "section", "basins")[: 3 if scene == SCENES[0] else 1]:
-                            wait(
-                                tab,
-                                f"(v => !v || v.columns?.size || v.shade || v.points?.length)(explorer.of('{map}'))",
-                                60,
-                                f"{scene}, {width}: {map} does not begin",
-                            )
-                        wait(tab, "!explorer.of('layer') || explorer.layer")
-                        time.sleep(0.1)
-                        seen = tab.evaluate(LOOK)
-                        for v in seen["seen"]:
-                            if v["view"] in ("basins", "section") and scene != SCENES[0]:
-                                continue  # begin by themselves where that is quick, one after the other
-                            expect(v["ink"] > 300, f"{scene}, {width}: {v['view']} has no ink")
-                            expect(v["label"] and v["title"], f"{scene}, {width}: {v['view']} has no label")
-                        expect(
-                            seen["overflow"] <= 0,
-                            f"{scene}, {width}: {seen['overflow']} px wider than the screen",
-                        )
-                        expect(not seen["unnamed"], f"{scene}, {width}: without a name: {seen['unnamed']}")
-                        expect(not seen["small"], f"{scene}, {width}: too small for a finger: {seen['small']}")
+                        one_view(tab, f"{scene}, {width}", maps=scene == SCENES[0])
                         if shots:
-                            tab.screenshot(
-                                path=shots / f"{scene}{key and '.' + key}.{width}.png",
-                                full_page=width == "desktop",
-                            )
+                            name = f"{scene}{key and '.' + key}.{width}.png"
+                            tab.screenshot(path=shots / name, full_page=width == "desktop")
+
+
+def one_view(tab: Any, where: str, maps: bool) -> None:
+    """What is on the screen: ink, labels, room. `maps` begin by themselves where that is quick, one after the other."""
+    for name in ("diagram", "section", "basins") if maps else ():
+        begun = f"(v => !v || v.columns?.size || v.shade || v.points?.length)(explorer.of('{name}'))"
+        wait(tab, begun, 60, f"{where}: {name} does not begin")
+    wait(tab, "!explorer.of('layer') || explorer.layer", told=f"{where}: no layer")
+    time.sleep(0.1)
+    seen = tab.evaluate(LOOK)
+    for v in seen["seen"]:
+        if maps or v["view"] not in ("diagram", "basins", "section"):
+            expect(v["ink"] > 300, f"{where}: {v['view']} has no ink")
+        expect(v["label"] and v["title"], f"{where}: {v['view']} has no label")
+    expect(seen["overflow"] <= 0, f"{where}: {seen['overflow']} px wider than the screen")
+    expect(not seen["unnamed"], f"{where}: without a name: {seen['unnamed']}")
+    expect(not seen["small"], f"{where}: too small for a finger: {seen['small']}")
 
 
 def sliders(b: Browser, shots: Path | None) -> None:
@@ -223,6 +222,9 @@ def sliders(b: Browser, shots: Path | None) -> None:
             "() => { const late = {...explorer.orbit.header, seq: 1, to: 'orbit'}; const h = explorer.orbit.header.seq; explorer.hear(late, {t: explorer.orbit.t, status: explorer.orbit.raw, values: new Float32Array(explorer.orbit.t.length * late.names.length)}); return [h, explorer.arrived.header.seq]; }"
         )
         expect(seq[0] == seq[1], "an answer that is late is drawn over a newer one")
+        listeners = tab.evaluate("listeners")
+        tab.evaluate("for (let k = 0; k < 20; k++) { explorer.controls(); explorer.arrange(); }")
+        expect(tab.evaluate("listeners") == listeners, "listeners of the page grow as its parts are made anew")
 
 
 def gestures(b: Browser, shots: Path | None) -> None:
@@ -311,14 +313,15 @@ def gestures(b: Browser, shots: Path | None) -> None:
             "frames of a job that was stopped are drawn",
         )
         # Rows of the basins stand where the attractors' own dots are.
+        tab.evaluate("explorer.of('basins').wanted = 75")
         tab.keyboard.press("b")
         wait(tab, "explorer.of('basins').job.header?.cycles?.length > 1", 60)
         place = """(() => { const v = explorer.of('basins'), h = v.job.header, n = h.cells, at = explorer.state.basins.axes.map(a => explorer.scene.states.indexOf(a));
           return h.cycles.map((c, k) => ((row, column) => {
             const near = [0, 1, -1].flatMap(r => [0, 1, -1].map(q => v.shade[(row + r) * n + column + q])); // one row on: its basin may be thin
-            return near.some(s => s < 3) ? null : near.includes(k + 3); })(
+            return near.includes(k + 3); })(
               Math.round((c.x[at[1]] - h.ranges[1][0]) / (h.ranges[1][1] - h.ranges[1][0]) * (n - 1)), Math.round((c.x[at[0]] - h.ranges[0][0]) / (h.ranges[0][1] - h.ranges[0][0]) * (n - 1)))); })()"""
-        wait(tab, f"!{place}.includes(null)", 30)
+        wait(tab, "explorer.of('basins').job.header.finished", 60)
         where = tab.evaluate(place)
         expect(all(where), f"an attractor does not lie in its own basin: {where}")
         side = tab.evaluate("""(() => { const v = explorer.of('basins'), n = v.job.header.cells; v.tint();
@@ -488,13 +491,101 @@ def check(executable: str, only: str = "", shots: Path | None = None) -> list[st
     return faults
 
 
+# One fault each: file, what stands there, what takes its place, and the test (Python) or look (browser) that must find it.
+JS = "explore/static/explorer.js"
+FAULTS: dict[str, tuple[str, str, str, str]] = {
+    "a late answer is drawn": (JS, "if (header.seq < this.drawnSeq) return;", "", "sliders"),
+    "frames of a job that was stopped are drawn": (JS, "if (header.job !== this.job) return;", "", "gestures"),
+    "sticking is shaded late": (
+        "explore/live.py", "[s.start, s.end, int(n)]", "[s.start + 0.05, s.end, int(n)]", "test_what_is_drawn",
+    ),
+    "left and right exchange colours": (JS, "this.tone(c.right), \"-1\": this.tone(c.left)",
+                                        "this.tone(c.left), \"-1\": this.tone(c.right)", "colours"),
+    "Origin is not looked at": (
+        "explore/server.py", 'if origin == [f"http://{host[0]}"]:', "if True:", "test_the_server_answers",
+    ),
+    "a part of the token is enough": (
+        "explore/server.py", "self.token.encode()):", "self.token.encode()[: len(token)]):", "test_another_token",
+    ),
+    "a script of another host": (
+        "explore/static/index.html", "<div", "<script src='https://cdn.invalid/x.js'></script><div", "sliders",
+    ),
+    "the script lacks a parameter": (
+        "explore/code.py", "if v != _own(subject, n)}", "if v != _own(subject, n) and n != 'spring'}", "test_the_script",
+    ),
+    "the sampler cuts degrees": (
+        "results/records.py", "    return (coefficients * ends", "    coefficients = coefficients[..., :8]\n"
+        "    powers = np.arange(coefficients.shape[2])\n    return (coefficients * ends", "test_what_is_drawn",
+    ),
+    "the last column is never computed": (
+        "explore/maps.py", "order, done, size, begun = spread(plan.shape)", "order, done, size, begun = "
+        "np.setdiff1d(spread(plan.shape), [plan.size - 1])", "test_a_finished_diagram",
+    ),
+    "rows of the basins are mirrored": (
+        "explore/maps.py", '"cell": (row * n + column)', '"cell": ((n - 1 - row) * n + column)', "test_finished_basins",
+    ),
+    "a run that failed is shown as a success": (
+        "explore/live.py", '"ok": solution.success', '"ok": True', "test_a_run_that_stops",
+    ),
+    "a listener for each rebuild": (
+        JS, "    this.fields = {};\n", '    this.fields = {};\n    document.addEventListener("keyup", () => this.fields);\n',
+        "sliders",
+    ),
+    "processes outlive their tab": (
+        "explore/processes.py", "        self.over = True\n        for process in (self.live, self.maps):",
+        "        self.over = True\n        for process in ():", "ending",
+    ),
+    "wider than a phone": (
+        "explore/static/style.css", "  .explorer .work { display: block; }", "  .explorer .work { display: block; width: 500px; }",
+        "views",
+    ),
+}  # fmt: skip
+
+
+def self_test(only: str) -> list[str]:
+    """Faults that nothing finds: each is planted in a copy of the package."""
+    overlooked = []
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "pwsmooth"
+        shutil.copytree(ROOT / "pwsmooth", copy, ignore=shutil.ignore_patterns("__pycache__"))
+        paths = [folder, *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep)), str(ROOT)]
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1"}
+        for name, (file, old, new, test) in FAULTS.items():
+            if only and only not in name:
+                continue
+            path = copy / file
+            text = path.read_text(encoding="utf-8")
+            expect(text.count(old) == 1, f"{file} has {text.count(old)} of {old!r}")
+            path.write_text(text.replace(old, new), encoding="utf-8")
+            if test.startswith("test_"):
+                command = [sys.executable, "-m", "pytest", "-q", "-x", "-o", "pythonpath=", "-p", "no:cacheprovider",
+                           str(ROOT / "tests" / "test_explore.py"), "-k", test]  # fmt: skip
+            else:
+                command = [sys.executable, __file__, "--only", test]
+            done = subprocess.run(command, env=environment, capture_output=True, text=True, cwd=folder)
+            path.write_text(text, encoding="utf-8")
+            said = [line for line in done.stdout.splitlines() if line.startswith((f"{test}:", "FAILED", "E  "))]
+            found = done.returncode == 1 and any(" s" != line[-2:] for line in said)
+            print(
+                f"{'found     ' if found else 'OVERLOOKED'} {name}: {said[-1][:150] if said else done.stdout[-300:]}",
+                flush=True,
+            )
+            overlooked += [] if found else [name]
+    return overlooked
+
+
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="Look at pwsmooth explore in a browser.")
     parser.add_argument("--shots", type=Path, metavar="DIR", help="write pictures of what is seen")
     parser.add_argument("--install", action="store_true", help="install Chromium where it is missing")
     parser.add_argument("--only", default="", help="names of checks, with commas")
+    parser.add_argument("--self-test", action="store_true", help="plant faults, and see that each is found")
     options = parser.parse_args()
+    if options.self_test:
+        if overlooked := self_test(options.only):
+            sys.exit("overlooked: " + ", ".join(overlooked))
+        return
     try:
         executable = browser(options.install)
     except NoBrowser as error:

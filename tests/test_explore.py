@@ -230,8 +230,8 @@ def test_the_first_picture_is_spread_over_the_whole_range(oscillator):
 
 def test_columns_that_are_carried_on_are_those_of_the_package(oscillator):
     state = {"parameter": "rho", "range": [4.0, 7.0], "columns": 6, "keep": 4, "carry": -1}
-    found = {}
-    for header, arrays in maps.diagram(oscillator, state):
+    found, header = {}, {}
+    for header, arrays in maps.diagram(oscillator, state):  # noqa: B007
         found |= dict(zip(arrays["column"].tolist(), arrays["points"]))
     values = np.linspace(4.0, 7.0, 6)[::-1]
     known = orbit_diagram(oscillator.system, "rho", values, oscillator.start, oscillator.period, carry=True, keep=4,

@@ -17,7 +17,7 @@ from ..codegen.machine.workers import cores
 from ..definition import checks
 from ..sweep.basins import orbit_diagram, refine_basins
 from ..sweep.measures import Points
-from ..sweep.refining import make_plan, refine
+from ..sweep.refining import SweepPlan, make_plan, refine, spread
 from .describe import LIMITS
 from .live import Answer, state_of
 from .subject import Subject
@@ -71,9 +71,20 @@ def diagram(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
         system, {name: values.tolist()}, start=x0, period=subject.period, transient=100, periods=keep,
         measures=[Points(*states, last=keep)], **options,
     )  # fmt: skip
-    for which, found in refine(plan, workers=max(1, cores() - 1)):
+    for which, found in _paced(plan):
         points = np.stack([found[f"{state}_points"] for state in states], axis=-1)
         yield head | progress.told(len(which)), _columns(which, points)
+
+
+def _paced(plan: SweepPlan) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
+    """`refine`, whose first chunk has 40 points; of slow orbits, as the first one shows, fewer at a time."""
+    order, done, size, begun = spread(plan.shape), 0, 1, time.perf_counter()
+    while done < len(order):
+        workers = max(1, cores() - 1)
+        yield from refine(plan, order[done : done + size], workers=workers)
+        done += size
+        each = (time.perf_counter() - begun) / done
+        size = len(order) if 40 * each < 4 * _SLICE else max(1, int(_SLICE / each))
 
 
 def _carried(
@@ -134,7 +145,7 @@ def basins(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
             f"`axes` are {checks.listing(axes)}; a basin is drawn over two states, with two ranges."
         )
     n = min(checks.whole(asked.get("cells", 300), "`cells`", 2), LIMITS["cells"])
-    grid = {name: np.linspace(*r, n).tolist() for name, r in zip(axes, ranges)}
+    grid = {name: np.linspace(low, high, n).tolist() for name, (low, high) in zip(axes, ranges)}
     rest = {name: value for name, value in x0.items() if name not in axes}
     head = {"kind": "basins", "axes": axes, "ranges": ranges, "cells": n}
     counts, progress = np.zeros(256, int), _Progress(n * n)

@@ -417,7 +417,7 @@ class Basins extends Grown {
     for (const n of basins.axes) delete rest[n];
     return JSON.stringify([p, rest, basins, this.app.view]);
   }
-  asked() { const { axes, ranges } = this.app.state.basins; return { kind: "basins", axes, ranges, cells: 300 }; }
+  asked() { const { axes, ranges } = this.app.state.basins; return { kind: "basins", axes, ranges, cells: this.wanted || 300 }; }
   restart() { super.restart(); this.shade = null; }
   take(header, { cell, label, step }) {
     const n = header.cells;
