@@ -48,7 +48,9 @@ def describe(subject: Subject, solution: Any = None) -> dict[str, Any]:
         "switches": switches(model),
         "hidden": _has_hidden(system),
         "map": _map(subject, states),
-        "sketch": subject.sketch.describe() if subject.sketch is not None else None,
+        "sketch": None if subject.sketch is None else {
+            "shapes": subject.sketch.describe(), "bounds": subject.sketch.bounds, "note": subject.sketch.note,
+        },
         "views": list(subject.views),
         "colours": {
             "right": plotting.COLOUR["right"], "left": plotting.COLOUR["left"], "stick": plotting.COLOUR["stick"],

@@ -137,11 +137,27 @@ class App {
       const { t, status, values } = arrays, m = t.length;
       this.arrived = { header, t, names: header.names, values: new Map(header.names.map((n, k) => [n, values.subarray(k * m, (k + 1) * m)])),
         raw: status, width: status.length / m, phase: this.asked?.phase || [] };
+      if (header.pose) this.posed(this.arrived, arrays);
       return this.paint();
     }
     if (kind === "layer") { this.layer = { header, ...arrays }; return this.redraw(this.of("layer")); }
     if (kind === "sentence") { this.sentence = header.said; this.said.textContent = header.said; for (const v of this.views) v.after?.(v.plot, this); }
     if (kind === "refused") this.tell(header.why, true);
+  }
+  // Rows of the pose: numbers that stay, or values at the times of the pose.
+  posed(orbit, { pose, pose_t: times }) {
+    const n = times.length;
+    orbit.pose = orbit.header.pose.map((r) => (r.at === undefined ? r.is : pose.subarray(r.at * n, (r.at + 1) * n)));
+    orbit.poseAt = (t) => {
+      let k = 1;
+      while (k < n - 1 && times[k] < t) k++;
+      const w = times[k] > times[k - 1] ? Math.min(1, Math.max(0, (t - times[k - 1]) / (times[k] - times[k - 1]))) : 1;
+      return (row) => { const r = orbit.pose[row]; return typeof r === "number" ? r : r[k - 1] + w * (r[k] - r[k - 1]); };
+    };
+  }
+  statusAt(name, t) {
+    const j = this.scene.multipliers.indexOf(name), k = Math.min(this.between(t, t)[0], this.orbit.t.length - 1);
+    return j < 0 || j >= this.orbit.width ? null : (this.orbit.raw[k * this.orbit.width + j] << 24) >> 24;
   }
   // Draw when the frame has come, at most once a displayed frame.
   paint() {
@@ -299,6 +315,7 @@ class App {
     const order2 = narrow ? [...shownViews.filter((v) => v.key === "mechanism"), ...shownViews.filter((v) => v.key === "time"), this.tabs, ...shownViews.filter((v) => tabbed.includes(v))].map((v) => v.box || v) : shownViews.map((v) => v.box);
     this.main.replaceChildren(...order2, ...(narrow ? [] : this.missing.filter((v) => v.key === "diagram").map((v) => element("p", { class: "missing" }, `No diagram, basins or section: ${v.why()}.`))));
     this.tabs.querySelector('[aria-selected="true"]')?.scrollIntoView({ block: "nearest", inline: "center" });
+    this.main.dataset.mechanism = shownViews.some((v) => v.key === "mechanism");
     this.main.dataset.maps = shownViews.filter((v) => v.asked).length;
     this.main.dataset.small = shownViews.filter((v) => ["phase", "characteristic", "layer"].includes(v.key)).length;
     if (this.running && !this.running.box.isConnected) for (const v of this.halt()) v.job = null;
@@ -473,7 +490,8 @@ class App {
 
   // ---- actions
   play() {
-    if (this.clock) { this.clock = 0; this.playing.textContent = "Play"; return; }
+    if (this.clock) { this.clock = 0; this.playing.textContent = "Play"; return this.redraw(this.of("mechanism")); }
+    if (this.calm.matches) return this.event(1);
     const [a, b] = this.orbit?.header.t_span || [0, 1], speed = this.scene.period ? this.scene.period / 2.5 : (b - a) / 20;
     let last = performance.now();
     const mine = (this.clock = last);

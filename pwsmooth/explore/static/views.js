@@ -532,4 +532,84 @@ class Section extends Grown {
   }
 }
 
-export const VIEWS = [Time, Phase, Characteristic, Layer, Diagram, Basins, Section];
+// The mechanism at the cursor: shapes whose places are rows of the pose.
+class Mechanism extends View {
+  static key = "mechanism"; static title = "Mechanism";
+  why() { return this.app.scene.sketch ? "" : "this system has no sketch"; }
+  fill() {
+    const button = (text, title, act) => element("button", { class: "small", type: "button", title, "aria-label": title, onclick: act }, text);
+    this.tools.append(button("◂", "event before", () => this.app.event(-1)), (this.toggle = button("▶", "play or pause", () => this.app.play())), button("▸", "next event", () => this.app.event(1)));
+  }
+  gestures() { return null; }
+  // Left, right, bottom, top: as given, or as the motion needs them; they do not shrink.
+  box4(orbit) {
+    const { bounds, shapes } = this.app.scene.sketch;
+    if (bounds) return bounds;
+    let b = this.reach || [Infinity, -Infinity, Infinity, -Infinity], row = 0;
+    for (const s of shapes) {
+      const half = [(s.width || 2 * (s.radius || 0)) / 2, (s.height || 2 * (s.radius || 0) || s.width || 0) / 2];
+      s.places.forEach((place) => {
+        const r = orbit.pose[row++], k = /^d?x/.test(place) ? 0 : /^d?y/.test(place) ? 1 : 2;
+        if (k === 2 || /^d/.test(place)) return;
+        const [low, high] = typeof r === "number" ? [r, r] : range(r);
+        b = k ? [b[0], b[1], Math.min(b[2], low - half[1]), Math.max(b[3], high + half[1])] : [Math.min(b[0], low - half[0]), Math.max(b[1], high + half[0]), b[2], b[3]];
+      });
+    }
+    this.reach = b;
+    const pad = 0.06 * (b[1] - b[0]);
+    return [b[0] - pad, b[1] + pad, b[2] - 2 * pad, b[3] + pad];
+  }
+  draw() {
+    const { app, plot } = this, { orbit } = app;
+    if (!orbit?.pose || !this.box.isConnected || !plot.measure()) return;
+    const { ctx, ratio, width, height } = plot, t = app.theme, [l, r, b, u] = this.box4(orbit);
+    const k = Math.min(width / (r - l), height / (u - b)), at = orbit.poseAt(app.state.cursor);
+    const X = (x) => width / 2 + (x - (l + r) / 2) * k, Y = (y) => height / 2 - (y - (b + u) / 2) * k;
+    ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
+    ctx.clearRect(0, 0, width, height);
+    ctx.lineCap = ctx.lineJoin = "round";
+    const line = (points, colour, w) => { ctx.strokeStyle = colour; ctx.lineWidth = w; ctx.beginPath(); points.forEach(([x, y], i) => (i ? ctx.lineTo(x, y) : ctx.moveTo(x, y))); ctx.stroke(); };
+    const fill = mixed(t.paper, t.ink, t.dark ? 0.3 : 0.12), steel = mixed(t.paper, t.ink, 0.55);
+    let row = 0;
+    for (const s of app.scene.sketch.shapes) {
+      const p = Object.fromEntries(s.places.map((name) => [name, at(row++)]));
+      const status = s.phase ? app.statusAt(s.phase, app.state.cursor) : null, edge = status === null ? t.ink : app.phases[status];
+      if ("x_1" in p) {
+        const [x1, y1, x2, y2] = [X(p.x_1), Y(p.y_1), X(p.x_2), Y(p.y_2)], d = Math.hypot(x2 - x1, y2 - y1) || 1, ux = (x2 - x1) / d, uy = (y2 - y1) / d;
+        if (s.kind === "spring") {
+          const w = Math.min((s.width * k) / 2, 14), n = 16, points = [[x1, y1], [x1 + ux * d * 0.08, y1 + uy * d * 0.08]];
+          for (let i = 0; i < n; i++) { const q = 0.1 + (0.8 * (i + 0.5)) / n, o = i % 2 ? w : -w; points.push([x1 + ux * d * q - uy * o, y1 + uy * d * q + ux * o]); }
+          line([...points, [x1 + ux * d * 0.92, y1 + uy * d * 0.92], [x2, y2]], steel, 1.4);
+        } else if (s.kind === "bar") {
+          line([[x1, y1], [x2, y2]], t.ink, Math.max(3, s.width * k)); line([[x1, y1], [x2, y2]], fill, Math.max(1.5, s.width * k - 2.4));
+        } else if (s.kind === "belt") {
+          const h = 12, gap = Math.max(s.mark * k, 8);
+          ctx.fillStyle = fill; ctx.strokeStyle = t.ink; ctx.lineWidth = 1.4;
+          ctx.beginPath(); ctx.roundRect(Math.min(x1, x2) - h, y1, Math.abs(x2 - x1) + 2 * h, 2 * h, h); ctx.fill(); ctx.stroke();
+          for (let q = ((p.travel * k) % gap + gap) % gap; q < d; q += gap) line([[x1 + ux * q, y1], [x1 + ux * q, y1 + 5]], t.ink, 1.4);
+        } else {
+          line([[x1, y1], [x2, y2]], t.ink, 1.6);
+          for (let q = 6; q < d; q += 9) line([[x1 + ux * q, y1 + uy * q], [x1 + ux * (q - 6) - uy * 7, y1 + uy * (q - 6) + ux * 7]], t.axis, 1);
+        }
+      } else if (s.kind === "arrow") {
+        const [x1, y1, x2, y2] = [X(p.x), Y(p.y), X(p.x + p.dx), Y(p.y + p.dy)], d = Math.hypot(x2 - x1, y2 - y1), colour = app.tone(app.scene.colours.fast);
+        if (d < 2) continue;
+        const ux = (x2 - x1) / d, uy = (y2 - y1) / d;
+        line([[x1, y1], [x2, y2]], colour, 2);
+        line([[x2 - 7 * ux - 4 * uy, y2 - 7 * uy + 4 * ux], [x2, y2], [x2 - 7 * ux + 4 * uy, y2 - 7 * uy - 4 * ux]], colour, 2);
+      } else {
+        ctx.save(); ctx.translate(X(p.x), Y(p.y)); ctx.rotate(-(p.angle || 0));
+        ctx.strokeStyle = edge; ctx.lineWidth = status === 0 ? 3 : 1.8; ctx.fillStyle = s.kind === "clearance" ? "transparent" : s.kind === "joint" ? t.paper : fill;
+        ctx.beginPath();
+        if (s.kind === "block") ctx.roundRect((-s.width * k) / 2, (-s.height * k) / 2, s.width * k, s.height * k, 4); else ctx.arc(0, 0, Math.max(2, s.radius * k), 0, 7);
+        ctx.fill(); ctx.stroke();
+        if (s.kind === "ball") { ctx.beginPath(); ctx.moveTo(0, 0); ctx.lineTo(s.radius * k, 0); ctx.lineWidth = 1; ctx.stroke(); }
+        ctx.restore();
+      }
+    }
+    this.toggle.textContent = app.clock ? "❚❚" : "▶";
+    this.say(`t = ${short(app.state.cursor)}${app.scene.sketch.note ? `; ${app.scene.sketch.note}` : ""}`);
+  }
+}
+
+export const VIEWS = [Mechanism, Time, Phase, Characteristic, Layer, Diagram, Basins, Section];
