@@ -75,6 +75,8 @@ class Solution(Described):
     ----------
     noise : Kicks, Diffusion or None
         What `solve` was given; of a loaded solution in words, as a str.
+    sketch : Sketch or None
+        The mechanism of the scene that was solved, for `animate`.
     course : (ndarray, shape (k,), and ndarray, shape (m, k)), or None
         As given.
     derivatives : Derivatives or None
@@ -134,6 +136,7 @@ class Solution(Described):
         # A Symbol's name is what str() gives, a hundred times sooner.
         self.parameters = {getattr(key, "name", key): float(value) for key, value in parameters.items()}
         self.noise: Any = None  # what solve(noise=...) was given
+        self.sketch: Any = None  # of the scene that was solved
         self.tape: Any = None  # paths/tangents.py, of an event-driven run with dense output or derivatives
         self.whole: Any = None  # of a run without a tape that was asked for times, the one with its own
         self.derived: Any = None  # what makes the Derivatives of a run with_respect_to=...
@@ -635,6 +638,86 @@ class Solution(Described):
                 "`names` are drawn against time and `phase` against each other; give one of the two."
             )
         return plotting.plot_phase(self, phase, axes)
+
+    def animate(
+        self,
+        sketch: Any = None,
+        path: Any = None,
+        *,
+        fps: int = 25,
+        seconds: float = 8.0,
+        t_span: Sequence[float] | None = None,
+        names: Sequence[Any] = (),
+    ) -> Any:
+        """A film of the mechanism.
+
+        Parameters
+        ----------
+        sketch : Sketch, optional
+            Its shapes; by default those of the scene that was solved.
+        path : path, optional
+            A file to write: ".gif", ".html" (with buttons, and all in it), or ".mp4" where ffmpeg is found.
+        fps : int, dimensionless
+            Frames in a second of the film, up to 100.
+        seconds : float, s
+            Length of the film.
+        t_span : (float, float), in the unit of the model's time, optional
+            Part of the run that it shows; all of it without.
+        names : sequence of str or Symbol
+            States, multipliers or outputs to draw below, with a dot that runs along.
+
+        Returns
+        -------
+        FuncAnimation
+            Of matplotlib; in a notebook ``IPython.display.HTML(film.to_jshtml())`` shows it.
+
+        Raises
+        ------
+        ValueError, TypeError
+            No sketch, no dense output, an unknown name, a span outside the run, another ending, no ffmpeg; more than
+            5000 frames.
+
+        Examples
+        --------
+        >>> import sympy as sp
+        >>> from pwsmooth import System, solve
+        >>> from pwsmooth.scenes import Sketch
+        >>> from pwsmooth.scenes.sketch import Block
+        >>> x, v = sp.symbols("x v", real=True)
+        >>> run = solve(System({x: v, v: -x - sp.sign(v)}), (0, 10), {x: 3.5, v: 0}, dense_output=True)
+        >>> film = run.animate(Sketch([Block("block", x, 0.2, width=1, height=0.4)]), fps=2, seconds=1)
+        >>> len(film.to_jshtml()) > 10_000
+        True
+        """
+        from .. import films
+
+        sketch = self.sketch if sketch is None else sketch
+        if not (hasattr(sketch, "pose") and hasattr(sketch, "describe")):
+            raise TypeError(
+                f"`sketch` is {checks.shown(sketch)}; give a pwsmooth.scenes.Sketch, or solve a scene that has one."
+            )
+        if self.dense is None:
+            raise ValueError("No dense output was kept; solve with `dense_output=True` for a film.")
+        at = checks.optional(checks.path)(path, "`path`")
+        if at is not None:
+            films.writer_of(at)
+        fps = checks.whole(fps, "`fps`", 1, 100)
+        frames = fps * checks.positive(seconds, "`seconds`")
+        if frames > 5000:
+            raise ValueError(f"`fps` times `seconds` are {frames:.9g} frames; give at most 5000.")
+        first, last = (self.t[0], self.t[-1]) if t_span is None else checks.span(t_span)
+        if not self.t[0] <= first < last <= self.t[-1]:
+            raise ValueError(
+                f"`t_span` is ({first:g}, {last:g}); give one within ({self.t[0]:g}, {self.t[-1]:g})."
+            )
+        curves = [str(checks.key(name, "`names`")) for name in checks.several(names, "`names`")]
+        for name in curves:
+            if name not in (*self.states, *self.multipliers, *self.outputs):
+                raise ValueError(f"`names` has {name!r}, which is {self._none_of_these}")
+        made = films.film(self, sketch, np.linspace(first, last, max(2, round(frames))), fps, curves)
+        if at is not None:
+            films.write(made, at, fps)
+        return made
 
     def plot_layer(self, switch: Any = None, t: float | None = None, ax: Any = None) -> Any:
         """The layer of a switch at an event: the field in which its multiplier moves there, see `plotting.plot_layer`.

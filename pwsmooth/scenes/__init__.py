@@ -6,16 +6,20 @@ from .planar import bristle_bot, incline, planar_oscillator, pulled_block, shake
 from .planar_bodies import billiard_ball, gripped_bar, spinning_disc, stacked_plates
 from .prescribed import prescribed_motion
 from .scene import Scene, assemble
+from .sketch import Sketch
+from .sketches import chain_of_blocks
 from .slider_crank import IdealSliderCrank, slider_crank
 from .sliding import block_on_belt, force_driven, friction_oscillator, position_control
 
 __all__ = [
     "IdealSliderCrank",
     "Scene",
+    "Sketch",
     "assemble",
     "billiard_ball",
     "block_on_belt",
     "bristle_bot",
+    "chain_of_blocks",
     "falling_ball",
     "force_driven",
     "free_impact",

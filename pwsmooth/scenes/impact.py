@@ -15,6 +15,7 @@ import sympy as sp
 
 from ..definition import checks
 from ..laws import Law
+from . import sketches
 from .drive import door, expression, t
 from .scene import Scene, scene_of
 
@@ -122,6 +123,7 @@ def falling_ball(
         {mass: m, gravity: g},
         potential=-mass * gravity * p,
         outputs={"height": -p},
+        sketch=sketches.ball_above_ground(p, height),
     )
     scene.observables["apexes"] = apexes
     return scene
@@ -198,8 +200,9 @@ def impact_oscillator(
     drive = strength * sp.cos(frequency * t) - spring * x - damper * v
     values = {mass: m, spring: k, damper: c, strength: amplitude, frequency: omega, where: d}
     begin = {p: start[0] - d, v: start[1]}
+    reach = max(abs(amplitude / k) if k else 0.0, abs(d), abs(start[0]), 0.1)
     return _scene("impact oscillator", law, drive, begin, t_span, values, outputs={"x": x},
-                  period=2 * math.pi / omega)  # fmt: skip
+                  period=2 * math.pi / omega, sketch=sketches.block_before_a_stop(p, where, d, reach))  # fmt: skip
 
 
 @checks.door(**dict.fromkeys(("d", "k", "c", "m", "omega"), checks.number))
@@ -313,7 +316,7 @@ def apexes(solution: Any) -> Any:
 
 
 def _scene(name, law, drive, start, t_span, parameters, *, speed=None, potential=sp.S.Zero, outputs=None,
-           period=None):  # fmt: skip
+           period=None, sketch=None):  # fmt: skip
     """The scene of one body: `drive` is the force on it besides the contact's."""
     pieces = law.attach(position=p, velocity=v, time=t)
     stored = pieces.outputs.get("stored", sp.S.Zero)
@@ -322,7 +325,7 @@ def _scene(name, law, drive, start, t_span, parameters, *, speed=None, potential
     note = f"{law.source}{'; ' + law.certainty if law.certainty else ''}"
     scene = scene_of(
         name, law, t_span, rates, pieces, ("p", "v", *shown, *pieces.outputs), period=period,
-        units=UNITS | law.units(), note=note, start=start, parameters=parameters, outputs=shown,
+        units=UNITS | law.units(), note=note, start=start, parameters=parameters, outputs=shown, sketch=sketch,
     )  # fmt: skip
     if speed is not None and start[p] >= 0 and "speed" in {m.name for m in scene.system.initial_memory}:
         scene.start["speed"] = speed  # it starts at the instant of touch-down, which no event precedes

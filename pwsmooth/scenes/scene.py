@@ -16,6 +16,7 @@ from ..results.solution import Solution
 from ..solve import solve
 from ..system import System
 from . import drive
+from .sketch import Sketch
 
 __all__ = ["Scene", "assemble"]
 
@@ -47,6 +48,8 @@ class Scene(Described):
     atol : mapping of str to float
         Absolute tolerances, in the unit of the state, of states whose usual size is far from 1; `solve` takes them
         unless it is given others.
+    sketch : Sketch, optional
+        The mechanism as shapes that move, for films and pages.
 
     Examples
     --------
@@ -70,12 +73,14 @@ class Scene(Described):
     units: Mapping[str, str] = field(default_factory=dict)
     note: str = ""
     atol: Mapping[str, float] = field(default_factory=dict)
+    sketch: Sketch | None = None
 
     def __post_init__(self) -> None:
         checks.fields(
             self, name=checks.name, system=checks.system, start=checks.mapping, t_span=checks.span,
             period=checks.optional(checks.positive), observables=checks.mapping, units=checks.mapping,
             note=checks.name, atol=checks.mapping,
+            sketch=checks.optional(checks.instance(Sketch, "a Sketch of shapes")),
         )  # fmt: skip
 
     def _described(self) -> tuple[str, Rows]:
@@ -108,9 +113,11 @@ class Scene(Described):
         """
         if self.atol:
             options.setdefault("atol", [self.atol.get(s.name, ATOL) for s in self.system.states])
-        return solve(
+        solution = solve(
             self.system, self.t_span if t_span is None else t_span, self.start if x0 is None else x0, **options
         )
+        solution.sketch = self.sketch
+        return solution
 
     @checks.door(solution=checks.instance(Solution, "a Solution, as solve() gives it"))
     def observe(self, solution: Solution) -> dict[str, Any]:
@@ -132,12 +139,14 @@ class Scene(Described):
         }
 
 
-def scene_of(name, law, t_span, rates, pieces, observed, *, period=None, units=None, note=None, **parts):
+def scene_of(
+    name, law, t_span, rates, pieces, observed, *, period=None, units=None, note=None, sketch=None, **parts
+):
     """The scene of a law: its system, assembled for the start of the span, with the observables named alike."""
     system, start, atol = assemble(rates, pieces, time=drive.t, begin=t_span[0], **parts)
     return Scene(
         f"{name}, {type(law).__name__}", system, start, (t_span[0], t_span[1]), period, {n: n for n in observed},
-        law.units() if units is None else units, note or law.source, atol,
+        law.units() if units is None else units, note or law.source, atol, sketch,
     )  # fmt: skip
 
 

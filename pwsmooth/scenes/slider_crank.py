@@ -23,6 +23,7 @@ from ..definition import checks
 from ..laws import Law
 from ..laws.contact import LiuImpact, composite_modulus
 from ..laws.friction import ModifiedCoulomb
+from . import sketches
 from .drive import t
 from .journal import clearance_joint
 from .scene import Scene, scene_of
@@ -163,7 +164,7 @@ def slider_crank(
         note="masses and lengths: Wang, Liu, Ma 2016, Table 4; centre of mass, crank speed, radii, joint length, "
         f"material and friction assumed. Contact: {normal.source}",
         start={e_x: start[0], e_y: start[1], u_x: 0.0, u_y: 0.0}, parameters=values, outputs=outputs,
-        events=joint.events,
+        events=joint.events, sketch=sketches.slider_crank(crank, rod, clearance),
     )  # fmt: skip
     # The indentation is about a hundredth of the clearance, and is wanted to many digits.
     scene.atol.update(e_x=1e-10 * clearance, e_y=1e-10 * clearance)

@@ -17,6 +17,7 @@ from ..definition import checks
 from ..definition.drives import Drive
 from ..definition.primitives import Algebraic
 from ..laws import Law
+from . import sketches
 from .drive import door, expression, t, within
 from .scene import Scene, scene_of
 
@@ -25,7 +26,7 @@ mass, spring, damper = sp.symbols("mass spring damper", nonnegative=True)
 
 
 def _scene(name, law, drive, rates, start, t_span, *, position=x, normal=None, parameters, period=None, outputs=None,
-           drives=None):  # fmt: skip
+           drives=None, sketch=None):  # fmt: skip
     """The scene of one body: `drive` is the force on it without friction."""
     checks.positive(parameters.get("mass", parameters.get(mass, 1.0)), "`mass`")
     load = None if normal is None else expression(normal, "normal")
@@ -36,8 +37,14 @@ def _scene(name, law, drive, rates, start, t_span, *, position=x, normal=None, p
     shown = {"friction": pieces.force, "drive": drive, **(outputs or {})}
     return scene_of(
         name, law, t_span, rates, [pieces], (*map(str, rates), *shown, *pieces.outputs), period=period,
-        start=start, parameters=parameters, outputs=shown, algebraic=unknowns, drives=drives,
+        start=start, parameters=parameters, outputs=shown, algebraic=unknowns, drives=drives, sketch=sketch,
     )  # fmt: skip
+
+
+def _reach(law, k):
+    """How far a spring is pulled by the law's largest force, nearly."""
+    forces = [getattr(law, name, None) for name, unit in law.units().items() if unit == "N"]
+    return max((abs(f) for f in forces if isinstance(f, (int, float))), default=1.0) / (abs(k) or 1.0) or 1.0
 
 
 @door("m", "period", "parameters")
@@ -153,7 +160,8 @@ def block_on_belt(
         values[damper] = c
         stretch += damper * (speed - v)
     return _scene("block on a belt", law, stretch, {e: speed - v}, {e: 0.0, v: 0.0}, t_span, normal=normal,
-                  position=speed * t - e, parameters=values, outputs={"x": speed * t - e})  # fmt: skip
+                  position=speed * t - e, parameters=values, outputs={"x": speed * t - e},
+                  sketch=sketches.block_on_belt(e, speed, _reach(law, k), "lam"))  # fmt: skip
 
 
 @door("m", "start", **dict.fromkeys(("k", "c", "amplitude", "omega"), checks.number))
@@ -207,8 +215,10 @@ def friction_oscillator(
     drive = -strength * sp.sin(frequency * t) - spring * y - damper * v
     begin = dict(zip((y, v), start))
     period = 2 * math.pi / omega if omega else None
+    reach = max(abs(amplitude / k) if k else 0.0, abs(start[0]), 0.1)
     return _scene("friction oscillator", law, drive, {y: v}, begin, t_span, position=y, normal=normal,
-                  parameters=values, period=period)  # fmt: skip
+                  parameters=values, period=period,
+                  sketch=sketches.block_on_spring(y, reach, abs(amplitude) or 1.0, "lam"))  # fmt: skip
 
 
 @door("m", **dict.fromkeys(("target", "proportional", "derivative", "integral"), checks.number))

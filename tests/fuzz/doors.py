@@ -40,6 +40,7 @@ from pwsmooth.analysis import sections, sticking
 from pwsmooth.derivatives import NoDerivative
 from pwsmooth.fit import Record, fit
 from pwsmooth.laws import Joint, contact, friction
+from pwsmooth.scenes import sketch
 from pwsmooth.sweep import make_plan, study
 
 SECONDS = 5.0  # of processor time in a call
@@ -236,6 +237,18 @@ def subjects():
             settle=1e-6,
         ),
         "sweep.SweepPlan": None,  # of make_plan
+        "Sketch": dict(shapes=[sketch.Ball("b", x, 0, 1)], bounds=(-1, 1, -1, 1), note="n"),
+        "chain_of_blocks": dict(positions=["x", "v"], spacing=1.0, switches=["l", "m"]),
+        "Arrow": dict(name="a", x=x, y=0, dx=v, dy=1),
+        "Ball": dict(name="a", x=x, y=0, radius=1.0, angle=v, phase="l"),
+        "Bar": dict(name="a", x_1=0, y_1=0, x_2=x, y_2=v, width=0.1),
+        "Belt": dict(name="a", x_1=0, y_1=0, x_2=x, y_2=v, travel=t, mark=0.1),
+        "Block": dict(name="a", x=x, y=0, width=1.0, height=0.5, angle=v, phase="l"),
+        "Clearance": dict(name="a", x=x, y=0, radius=1.0),
+        "Ground": dict(name="a", x_1=0, y_1=0, x_2=x, y_2=v),
+        "sketch.Joint": dict(name="a", x=x, y=0, radius=1.0),
+        "Shape": dict(name="a"),
+        "Spring": dict(name="a", x_1=0, y_1=0, x_2=x, y_2=v, width=0.1),
         "refine_basins": dict(
             system=system,
             axes={"x": [0.0, 1.0]},
@@ -325,7 +338,7 @@ def subjects():
         ),
         "fit.compare": dict(fits={"one": fitted}),
         "Record": dict(t=times, values={"x": np.cos(times)}, noise=0.1, start=start, unknown=["v"]),
-        "Joint": dict(v=v),
+        "laws.Joint": dict(v=v),
         "law": None,
         "parameter": dict(default=1.0, unit="N", meaning="force"),
         "Pieces": dict(force=v),
@@ -542,6 +555,19 @@ def subjects():
         "Solution.sample": (run.sample, dict(points=50, names=["x", "a"], chord=0.1, scale={"x": 1.0})),
         "Solution.to_dataframe": (run.to_dataframe, dict(n=3)),
         "Solution.event_times": (run.event_times, dict(kind="stick")),
+        "Sketch.pose": (sketch.Sketch([sketch.Ball("b", x, 0, 1)]).pose, dict(solution=run, times=[0.0, 1.0])),
+        "Solution.animate": (
+            run.animate,
+            dict(
+                sketch=sketch.Sketch([sketch.Ball("b", x, 0, 1)]),
+                path=str(Path(out) / "a.gif"),
+                fps=2,
+                seconds=1.0,
+                t_span=(0, 1),
+                names=["x"],
+            ),
+        ),
+        "SweepPlan.values": (make_plan(system, {"k": [1.0, 2.0]}, **many).values, dict(indices=[1])),
         "Scene.solve": (scene.solve, dict(t_span=(0, 1), x0=None, **short)),
         "Scene.observe": (scene.observe, dict(solution=scene.solve())),
         "Law.attach": (friction.Coulomb().attach, word | dict(normal=1 + x**2, time=t, name="a")),
