@@ -518,7 +518,7 @@ FAULTS: dict[str, tuple[str, str, str, str]] = {
         "    powers = np.arange(coefficients.shape[2])\n    return (coefficients * ends", "test_what_is_drawn",
     ),
     "the last column is never computed": (
-        "explore/maps.py", "order, done, size, begun = spread(plan.shape)", "order, done, size, begun = "
+        "explore/maps.py", "spread(plan.shape).tolist()", ""
         "np.setdiff1d(spread(plan.shape), [plan.size - 1])", "test_a_finished_diagram",
     ),
     "rows of the basins are mirrored": (

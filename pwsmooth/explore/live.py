@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from ..definition.lambdified import numpy_function
 from ..definition.model import Model
 from ..results.layers import field_over
 from ..results.outputs import vectorised
+from ..results.sampling import Sampled
 from ..results.solution import Solution
 from ..sweep.contract import Window
 from ..sweep.of_solution import strobes
@@ -25,6 +27,7 @@ from .subject import Subject
 POINTS = 6000  # of a picture
 _TICKS = 400  # events that are sent: more are no ticks but a shade
 _LAM = np.linspace(-1, 1, 161)
+_POSES = 1200  # points of the mechanism's motion
 _LONGEST = 16  # periods of an orbit that a sentence names
 
 Answer = tuple[dict[str, Any], dict[str, np.ndarray]]
@@ -53,7 +56,7 @@ class Live:
             self.period = self.subject.period_at(p)
             solved = time.perf_counter()
             self.solution = solution
-            t, status, values = sampled(solution, names)
+            found, values = sampled(solution, names, self.subject.sketch)
         except (ValueError, TypeError, KeyError) as error:
             said = str(error.args[0]) if error.args else str(error)
             return {"kind": "refused", "why": said, **_remedies(said)}, {}
@@ -66,7 +69,11 @@ class Live:
             "end": {n: float(v) for n, v in zip(solution.states[:100], solution.x[:, -1])},
             "ms": [1e3 * (solved - begun), 1e3 * (time.perf_counter() - solved)],
         }  # fmt: skip
-        return header, {"t": t, "status": status, "values": values}
+        arrays = {"t": found.t, "status": found.statuses, "values": values}
+        if self.subject.sketch is not None:
+            header["pose"], poses = _posed(self.subject.sketch, solution, found)
+            arrays |= poses
+        return header, arrays
 
     def layer(self, asked: Mapping[str, Any]) -> Answer:
         """dh/dt over the multiplier of a switch at the time `t`, and with fast states at their equilibrium."""
@@ -143,24 +150,44 @@ def _numbers(given: Any, what: str) -> dict[str, float]:
     return checks.values(given, what)
 
 
-def sampled(solution: Solution, names: list[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times (m,), statuses (m, switches) and values (names, m), even in each step's own variable."""
-    plain = [n for n in names if not n.startswith("h:")]
+def sampled(solution: Solution, names: list[str], sketch: Any = None) -> tuple[Sampled, np.ndarray]:
+    """Points even in each step's own variable, with what the sketch needs, and the values (names, m) at them."""
+    wanted = [n for n in names if not n.startswith("h:")]
+    if len(wanted) < len(names):
+        wanted = [*solution.states, *solution.multipliers, *wanted]
+    if sketch is not None:
+        own = (*solution.states, *solution.multipliers, *solution.outputs)
+        wanted += [n for n in sketch.names if n in own]
     # A step of many may still be long: all get eight places then, and what shows no bend is dropped again.
     many = len(solution.t) > POINTS // 8
     points, chord = (min(8 * len(solution.t), 8 * POINTS), 5e-4) if many else (POINTS, None)
-    if len(plain) == len(names):
-        found = solution.sample(points, names, chord=chord)
-        return found.t, found.statuses, found.values.T
-    own = [*solution.states, *solution.multipliers]
-    found = solution.sample(points, [*own, *plain], chord=chord)
+    found = solution.sample(points, list(dict.fromkeys(wanted)), chord=chord)
     rows = dict(zip(found.names, found.values.T))
     model, p = solution.model, [solution.parameters[str(s)] for s in solution.model.parameters]
     for m in model.multipliers:
         if f"h:{m.symbol}" in names:
-            h = vectorised(model, m.surface)(found.t, *(rows[n] for n in own), *p)
-            rows[f"h:{m.symbol}"] = np.broadcast_to(h, found.t.shape)
-    return found.t, found.statuses, np.array([rows[n] for n in names])
+            known = (rows[n] for n in (*solution.states, *solution.multipliers))
+            rows[f"h:{m.symbol}"] = np.broadcast_to(vectorised(model, m.surface)(found.t, *known, *p), found.t.shape)
+    return found, np.array([rows[n] for n in names])
+
+
+def _posed(sketch: Any, solution: Solution, found: Sampled) -> tuple[list[dict[str, float]], dict[str, np.ndarray]]:
+    """Rows of the pose, those that stay as numbers, and the others at every few of the points."""
+    few = slice(None, None, max(1, len(found) // _POSES))
+    some = replace(
+        found, t=found.t[few], values=found.values[few], status=found.status[few], step=found.step[few],
+        statuses=found.statuses[few],
+    )  # fmt: skip
+    rows: list[dict[str, float]] = []
+    moving: list[np.ndarray] = []
+    for shape in sketch.pose(solution, some).values():
+        for row in shape:
+            if np.ptp(row) == 0:
+                rows.append({"is": float(row[0])})
+            else:
+                rows.append({"at": len(moving)})
+                moving.append(row)
+    return rows, {"pose": np.array(moving).reshape(len(moving), -1), "pose_t": some.t}
 
 
 def _events(solution: Solution) -> list[list[Any]]:

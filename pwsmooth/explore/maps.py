@@ -78,13 +78,19 @@ def diagram(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
 
 def _paced(plan: SweepPlan) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
     """`refine`, whose first chunk has 40 points; of slow orbits, as the first one shows, fewer at a time."""
-    order, done, size, begun = spread(plan.shape), 0, 1, time.perf_counter()
+    order, workers, begun = spread(plan.shape).tolist(), max(1, cores() - 1), time.perf_counter()
+    ((which, found),) = refine(plan, order[:1])
+    each = time.perf_counter() - begun
+    if 40 * each < 4 * _SLICE:
+        for more, values in refine(plan, order[1:], workers=workers):
+            yield np.append(which, more), {n: np.concatenate([found[n], v]) for n, v in values.items()}
+            which, found = which[:0], {n: v[:0] for n, v in found.items()}
+        return
+    yield which, found
+    size, done = max(1, int(_SLICE / each)), 1
     while done < len(order):
-        workers = max(1, cores() - 1)
-        yield from refine(plan, order[done : done + size], workers=workers)
+        yield from refine(plan, order[done : done + size])
         done += size
-        each = (time.perf_counter() - begun) / done
-        size = len(order) if 40 * each < 4 * _SLICE else max(1, int(_SLICE / each))
 
 
 def _carried(

@@ -20,7 +20,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, Validatio
 from ..analysis.sections import LONGEST
 from ..definition import checks
 
-_HELPERS = ("assemble", "grazing_amplitude")  # functions among the scenes that make none
+_HELPERS = ("assemble", "chain_of_blocks", "grazing_amplitude")  # functions among the scenes that make none
 
 
 class StudyError(ValueError):
