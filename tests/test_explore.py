@@ -1,5 +1,6 @@
 """pwsmooth explore without a browser: what the page is told, how a state answers, maps against the package, doors."""
 
+import base64
 import http.client
 import json
 import signal
@@ -12,7 +13,7 @@ import pytest
 import sympy as sp
 
 from pwsmooth import System, basins, orbit_diagram, solve
-from pwsmooth.explore import describe, frames, live, maps, opening, presets, subject
+from pwsmooth.explore import describe, export, frames, live, maps, opening, presets, subject
 from pwsmooth.explore.code import figure, script
 from pwsmooth.explore.server import PAGES, Server
 from pwsmooth.laws.friction import MaxwellSlip, StribeckFriction
@@ -261,6 +262,34 @@ def test_finished_basins_are_those_of_the_package(oscillator):
 def test_a_section_repeats_where_the_orbit_does(oscillator):
     points = np.concatenate([arrays["points"] for _, arrays in maps.section(oscillator, {})])
     assert np.abs(points[-2] - points[-3]).max() < 1e-8 and len(points) < 1000
+
+
+# ---- files without Python
+
+
+def test_a_file_has_a_frame_for_every_value_near_the_orbit_and_asks_nothing_of_the_network(
+    oscillator, tmp_path
+):
+    values = np.linspace(1, 4, 4)
+    opening.Explorer(oscillator).export(tmp_path / "a.html", {"rho": values}, diagram=True)
+    text = (tmp_path / "a.html").read_text()
+    assert "default-src 'none'" in text and " src=" not in text and '<link rel="stylesheet' not in text
+    data = json.loads(text.partition('<script type="application/json" id="data">')[2].partition("</script>")[0])
+    assert data["values"] == values.tolist() and len(data["frames"]) == 4 and data["diagram"]
+    header, arrays = frames.unpack(base64.b64decode(data["frames"][2]))
+    exact = oscillator.solve(oscillator.t_span, oscillator.start, {"rho": 3.0})
+    row = arrays["values"].reshape(len(header["names"]), -1)[header["names"].index("y")]
+    # A thousandth of the range, and where time is off by a step of its 16 bits the slope's share.
+    off = np.abs(row - exact(np.clip(arrays["t"], 0, 60), "y"))
+    assert off.max() < 1e-3 * np.ptp(row) + 60 / 65000 * np.abs(exact["v"]).max()
+
+
+def test_a_file_that_would_be_too_large_says_how_many_values_fit(oscillator, monkeypatch):
+    monkeypatch.setattr(export, "MOST", 250_000)
+    with pytest.raises(ValueError, match=r"\d+ values fit"):
+        export.standalone(oscillator, {"rho": np.linspace(1, 4, 20)}, views=["time"])
+    with pytest.raises(ValueError, match="one slider"):
+        export.standalone(oscillator, {"rho": [1, 2], "beta": [1, 2]})
 
 
 # ---- doors

@@ -10,6 +10,7 @@ import base64
 import html
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from .subject import Subject
 MOST = 5_000_000  # bytes of a file
 _POINTS = 1000  # of a picture
 _CHORDS = (5e-4, 1e-3, 2e-3, 4e-3, 8e-3)  # of the range, of which the first that leaves so few points is taken
+_POSES = 250  # of the mechanism
 _LAYERS = 32  # instants at which the layer is kept
 
 _PAGE = """<!doctype html>
@@ -53,7 +55,7 @@ def standalone(
 ) -> str:
     """The text of an HTML file in which one parameter has a slider over these values.
 
-    `views`: which of time, phase, characteristic and layer; `diagram`: with the orbit diagram over these values.
+    `views`: which of time, mechanism, phase, characteristic and layer; `diagram`: with the orbit diagram, too.
     ValueError where it would be too large, with the number of values that fits.
     """
     given = checks.mapping(over, "`over`", "one parameter to its values")
@@ -62,7 +64,9 @@ def standalone(
     ((key, values),) = given.items()
     name = checks.lookup(key, subject.system.parameters, "`over`", "parameter").name
     values = np.unique(checks.numbers(values, f"`over` of {name}"))
-    shown = tuple(views or ("time", "phase", "characteristic", "layer")) + ("diagram",) * diagram
+    shown = tuple(views or ("time", "mechanism", "phase", "characteristic", "layer")) + ("diagram",) * diagram
+    if "mechanism" not in shown:
+        subject = replace(subject, sketch=None)
     asked = dict(state or {})
     p, _, _ = state_of(subject, asked)
     live, frames, layers = Live(subject), [], {}
@@ -73,16 +77,12 @@ def standalone(
         if header["kind"] == "refused":
             raise ValueError(f"`over` of {name} has {value:g}, which the system refuses: {header['why']}")
         keep = _thinned(arrays)
-        header |= {"to": "orbit", "said": header["said"], "sentence": live.sentence()[0]["said"]}
-        frames.append(
-            _text(
-                pack(
-                    header,
-                    {n: a[..., keep] if n != "status" else a[keep] for n, a in arrays.items()},
-                    short=True,
-                )
-            )
-        )
+        header |= {"to": "orbit", "sentence": live.sentence()[0]["said"]}
+        kept = {"t": arrays["t"][keep], "status": arrays["status"][keep], "values": arrays["values"][:, keep]}
+        if "pose" in arrays:
+            few = slice(None, None, max(1, len(arrays["pose_t"]) // _POSES))
+            kept |= {"pose": arrays["pose"][:, few], "pose_t": arrays["pose_t"][few]}
+        frames.append(_text(pack(header, kept, short=True)))
         if "layer" in shown and known["switches"]:
             layers[k] = _layers(live, known["switches"][0], *header["asked"])
     scene = describe(subject, live.solution)

@@ -167,11 +167,15 @@ def sampled(solution: Solution, names: list[str], sketch: Any = None) -> tuple[S
     for m in model.multipliers:
         if f"h:{m.symbol}" in names:
             known = (rows[n] for n in (*solution.states, *solution.multipliers))
-            rows[f"h:{m.symbol}"] = np.broadcast_to(vectorised(model, m.surface)(found.t, *known, *p), found.t.shape)
+            rows[f"h:{m.symbol}"] = np.broadcast_to(
+                vectorised(model, m.surface)(found.t, *known, *p), found.t.shape
+            )
     return found, np.array([rows[n] for n in names])
 
 
-def _posed(sketch: Any, solution: Solution, found: Sampled) -> tuple[list[dict[str, float]], dict[str, np.ndarray]]:
+def _posed(
+    sketch: Any, solution: Solution, found: Sampled
+) -> tuple[list[dict[str, float]], dict[str, np.ndarray]]:
     """Rows of the pose, those that stay as numbers, and the others at every few of the points."""
     few = slice(None, None, max(1, len(found) // _POSES))
     some = replace(

@@ -33,6 +33,7 @@ class Preset:
     p: Mapping[str, float] = field(default_factory=dict)
     x0: Mapping[str, float] = field(default_factory=dict)
     t_span: tuple[float, float] | None = None
+    view: str = ""
 
 
 PRESETS: dict[str, Preset] = {
@@ -43,6 +44,10 @@ PRESETS: dict[str, Preset] = {
     "figure-8": Preset(
         "friction_oscillator", "stick-slip with a hidden static term, the paper's numbers", "HiddenStatic",
         {"rho": 3.0, "beta": 0.1},
+    ),
+    "fold": Preset(
+        "friction_oscillator", "static friction that acts at once: sticks end in a fold of the layer", "HiddenStatic",
+        {"rho": 3.0, "beta": 0.1}, t_span=(0.0, 25.0), view="layered",
     ),
     "coulomb": Preset("friction_oscillator", "the same without the hidden term", "Coulomb"),
     "lugre": Preset("block_on_belt", "stick-slip of the bristle model", "LuGre"),
@@ -62,9 +67,8 @@ def preset_of(name: str) -> Preset:
 def subject_of_preset(name: str) -> Subject:
     """The subject of a preset."""
     preset = preset_of(name)
-    return with_preset(
-        with_ranges(named_subject(preset.scene, preset.law, preset.law_values), preset.scene), preset
-    )
+    subject = with_ranges(named_subject(preset.scene, preset.law, preset.law_values), preset.scene)
+    return in_view(with_preset(subject, preset), preset.view)
 
 
 def with_preset(subject: Subject, preset: Preset) -> Subject:
