@@ -81,7 +81,7 @@ def _paced(plan: SweepPlan) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]
     order, workers, begun = spread(plan.shape).tolist(), max(1, cores() - 1), time.perf_counter()
     ((which, found),) = refine(plan, order[:1])
     each = time.perf_counter() - begun
-    if 40 * each < 4 * _SLICE:
+    if 40 * each < 1:
         for more, values in refine(plan, order[1:], workers=workers):
             yield np.append(which, more), {n: np.concatenate([found[n], v]) for n, v in values.items()}
             which, found = which[:0], {n: v[:0] for n, v in found.items()}

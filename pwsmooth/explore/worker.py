@@ -1,7 +1,7 @@
 """The two processes of a page: one answers its sliders, one its maps. Each reads a pipe of JSON and writes frames.
 
 Newest wins: the first drains its pipe and answers the last of each kind; the second looks at its pipe between two
-pieces of a job, and a newer message ends it. Both end with their pipe.
+pieces of its jobs, and a newer job of a kind takes the place of the older one. Both end with their pipe.
 """
 
 from __future__ import annotations
@@ -64,58 +64,91 @@ def _opened(subject: Subject, pipe: Any) -> Any:
 
 
 def maps(pipe: Any, subject: Subject) -> None:
-    """Runs jobs: "diagram", "basins", "section", "figure"; "stop" ends one."""
-    from .code import figure
-    from .maps import JOBS
-    from .presets import in_view
-
+    """Runs "diagram", "basins" and "section" side by side, a piece of each in turn; all else at once."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    own = subject
-    if subject.period is not None and not subject.system.model.smoothing:
-        for parameter, at in list(subject.system.parameters.items())[:1]:
-            asked = {
-                "parameter": parameter.name,
-                "range": [at, at * (1 + 1e-9) + 1e-9],
-                "columns": 2,
-                "keep": 2,
-            }
-            for _ in JOBS["diagram"](subject, asked):
-                break
+    jobs = _Jobs(pipe, subject)
+    try:
+        jobs.warm()
+        while True:
+            while pipe.poll(None if not jobs.running else 0):
+                jobs.hear(json.loads(pipe.recv_bytes()))
+            for kind in list(jobs.running):
+                jobs.advance(kind)
+    except (EOFError, OSError):
+        return
+
+
+class _Jobs:
+    """The maps on their way; of each kind the newest."""
+
+    def __init__(self, pipe: Any, subject: Subject) -> None:
+        self.pipe, self.own, self.subject = pipe, subject, subject
+        self.running: dict[
+            str, tuple[Any, Any, float]
+        ] = {}  # kind -> its generator, its number, its end in time
+
+    def warm(self) -> None:
+        """Compile what the first maps need, before they are asked for."""
+        from .maps import JOBS
+
+        subject, asked = self.own, list[tuple[str, dict[str, Any]]]()
+        for parameter, value in list(subject.system.parameters.items())[:1]:
+            span = [value, value * (1 + 1e-9)]
+            asked.append(("diagram", {"parameter": parameter.name, "range": span, "columns": 2}))
         names = [s.name for s in subject.system.states][:2]
-        if len(names) == 2:  # Newton's method, too
-            around = [[subject.start[n] - 1e-3, subject.start[n] + 1e-3] for n in names]
-            for _ in JOBS["basins"](subject, {"axes": names, "ranges": around, "cells": 2}):
-                break
-    message: dict[str, Any] | None = None
-    while True:
-        if message is None:
-            try:
-                message = json.loads(pipe.recv_bytes())
-            except (EOFError, OSError):
-                return
-        job, message, begun = message, None, time.monotonic()
-        head = {"job": job.get("job", 0)}
+        around = [[subject.start[n] - 1e-3, subject.start[n] + 1e-3] for n in names]
+        asked.append(("basins", {"axes": names, "ranges": around, "cells": 2}))  # Newton's method, too
+        for kind, request in asked:
+            with contextlib.suppress(
+                ValueError, TypeError, KeyError, RuntimeError
+            ):  # told when it is asked for
+                next(JOBS[kind](subject, request))
+
+    def hear(self, message: dict[str, Any]) -> None:
+        """Begin what is asked for, in the place of what ran of its kind."""
+        from .code import figure
+        from .maps import JOBS
+        from .presets import in_view
+
+        kind, job = str(message.get("kind")), message.get("job", 0)
         try:
-            if job.get("kind") == "view":
-                subject = in_view(own, str(job.get("view", "")))
-            elif job.get("kind") == "figure":
-                picture = np.frombuffer(figure(subject, job), np.uint8)
-                pipe.send_bytes(
-                    pack({"kind": "figure", "format": job.get("format", "png"), **head}, {"file": picture})
+            if kind == "stop":
+                for ended in [str(message["what"])] if "what" in message else list(self.running):
+                    self.end(ended)
+            elif kind == "view":
+                self.subject = in_view(self.own, str(message.get("view", "")))
+            elif kind == "figure":
+                picture = np.frombuffer(figure(self.subject, message), np.uint8)
+                self.pipe.send_bytes(
+                    pack({"kind": kind, "format": message.get("format", "png")}, {"file": picture})
                 )
-            elif job.get("kind") in JOBS:
-                for header, arrays in JOBS[job["kind"]](subject, job):
-                    pipe.send_bytes(pack({**header, **head}, arrays))
-                    if pipe.poll():
-                        message = json.loads(pipe.recv_bytes())
-                        break
-                    if time.monotonic() - begun > LIMITS["job"]:
-                        raise ValueError(f"the job took {LIMITS['job']:g} s, the most that the page allows.")
-        except (EOFError, OSError):
-            return
+            elif kind in JOBS:
+                self.end(kind)
+                self.running[kind] = JOBS[kind](self.subject, message), job, time.monotonic() + LIMITS["job"]
         except (ValueError, TypeError, KeyError, RuntimeError) as error:
-            said = str(error.args[0] if error.args else error)
-            pipe.send_bytes(pack({"kind": "refused", "why": said, "to": job.get("kind"), **head}))
+            self.refuse(kind, job, error)
+
+    def advance(self, kind: str) -> None:
+        """A piece of a job."""
+        pieces, job, end = self.running[kind]
+        try:
+            header, arrays = next(pieces)
+            self.pipe.send_bytes(pack({**header, "job": job}, arrays))
+            if time.monotonic() > end:
+                raise ValueError(f"the job took {LIMITS['job']:g} s, the most that the page allows.")
+        except StopIteration:
+            self.end(kind)
+        except (ValueError, TypeError, KeyError, RuntimeError) as error:
+            self.end(kind)
+            self.refuse(kind, job, error)
+
+    def end(self, kind: str) -> None:
+        if kind in self.running:
+            self.running.pop(kind)[0].close()
+
+    def refuse(self, kind: str, job: Any, error: Exception) -> None:
+        said = str(error.args[0] if error.args else error)
+        self.pipe.send_bytes(pack({"kind": "refused", "why": said, "to": kind, "job": job}))
 
 
 def _newest(pipe: Any) -> Iterator[dict[str, Any]]:

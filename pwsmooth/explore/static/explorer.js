@@ -112,18 +112,15 @@ class App {
     if (kind === "ready") { if (this.starting) this.tell(""); this.ready = true; return this.ask(); }
     if (kind === "killed") { this.inFlight = null; this.ready = false; return this.tell(header.why, true); }
     if (kind === "figure" || header.to === "figure") {
-      for (const v of this.halted || []) v.start();
-      this.halted = [];
       return kind === "figure" ? this.file(header, arrays.file) : this.saving?.replaceChildren(header.why);
     }
     if (header.job !== undefined) {
-      if (header.job !== this.job) return; // of a job that has been cancelled
-      const view = this.running;
-      if (kind === "refused") { view?.refused(header.why); return this.next(); }
-      view?.heard(header, arrays);
-      if (!header.finished) return;
-      this.next();
-      if (view?.key === "diagram") this.moved();
+      const view = this.views.find((v) => v.id === header.job);
+      if (!view) return; // of a job that has been cancelled
+      if (kind === "refused" || header.finished) view.id = 0;
+      if (kind === "refused") return view.refused(header.why);
+      view.heard(header, arrays);
+      if (header.finished && view.key === "diagram") this.moved();
       return;
     }
     if (kind === "code") return this.show("As code", header.text);
@@ -318,7 +315,7 @@ class App {
     this.main.dataset.mechanism = shownViews.some((v) => v.key === "mechanism");
     this.main.dataset.maps = shownViews.filter((v) => v.asked).length;
     this.main.dataset.small = shownViews.filter((v) => ["phase", "characteristic", "layer"].includes(v.key)).length;
-    if (this.running && !this.running.box.isConnected) for (const v of this.halt()) v.job = null;
+    for (const v of this.views) if (v.id && !v.box.isConnected) { this.halt(v); v.job = null; }
     this.drawAll();
     this.moved();
     if (this.orbit && !this.layer) this.askLayer();
@@ -427,20 +424,20 @@ class App {
   note() { clearTimeout(this.noted); this.noted = setTimeout(() => { this.transport.keep?.(this.hash()); }, 300); }
   hash() { return encoded({ ...this.state, view: this.view }); }
 
-  // Maps: one job at a time, in order; a newer one of the same view takes its place.
-  queue(view) {
-    if (this.running === view) { this.running = null; this.jobs = this.jobs.filter((v) => v !== view); this.jobs.unshift(view); return this.next(); }
-    if (!this.jobs.includes(view)) this.jobs.push(view);
-    if (!this.running) this.next();
-  }
-  next() {
-    this.running = this.jobs.shift() || null;
-    this.job++;
-    if (!this.running) return;
+  // Maps: each view has a job of its own; a newer one takes its place.
+  begun(view) {
+    view.id = ++this.job;
     const { p, x0 } = this.state;
-    this.transport.send({ ...this.running.asked(), job: this.job, p, x0 });
+    this.transport.send({ ...view.asked(), job: view.id, p, x0 });
   }
-  halt() { const halted = [this.running, ...this.jobs].filter(Boolean); for (const v of halted) v.stop(); this.jobs = []; this.running = null; this.job++; this.transport.send({ kind: "stop", job: this.job }); return halted; }
+  halt(only = null) {
+    for (const v of this.views) {
+      if (!v.id || (only && v !== only)) continue;
+      this.transport.send({ kind: "stop", what: v.key });
+      v.id = 0;
+      v.stop();
+    }
+  }
   moved(anew = false) { // the state has come to rest: maps that are live follow it
     if (!this.ready || !this.orbit || this.lost) return;
     for (const key of ["diagram", "section", "basins"]) {
@@ -455,7 +452,7 @@ class App {
   quick(view) {
     if (this.narrow.matches) return true;
     const h = this.views.find((v) => v.key === "diagram")?.job?.header;
-    if (!h || this.running) return false;
+    if (!h || this.of("diagram")?.id) return false;
     const seconds = (h.cpu / h.done) * 9000; // 90 000 starts of eight periods, where a column has eighty
     if (seconds > 40) view.say(`↻ shows which orbit each start leads to, in ${seconds > 90 ? `${Math.round(seconds / 60)} minutes` : "a minute"} or so.`);
     return seconds <= 40;
@@ -537,7 +534,7 @@ class App {
   }
   code() { this.open2("As code", this.pick((view) => this.transport.send({ kind: "code", for: view, ...this.request() }), [["Write", ""]])); this.transport.send({ kind: "code", for: "time", ...this.request() }); }
   save() {
-    this.open2("Save figure", this.pick((view, format) => { this.halted = this.halt(); this.saving.textContent = "Drawing ..."; this.transport.send({ kind: "figure", for: view, format, ...this.request() }); }, ["png", "pdf", "svg"].map((f) => [f.toUpperCase(), f])),
+    this.open2("Save figure", this.pick((view, format) => { this.saving.textContent = "Drawing ..."; this.transport.send({ kind: "figure", for: view, format, ...this.request() }); }, ["png", "pdf", "svg"].map((f) => [f.toUpperCase(), f])),
       (this.saving = element("p", { class: "note" }, "Drawn by matplotlib in the package's style, with the script that makes it inside.")));
   }
   file(header, bytes) {

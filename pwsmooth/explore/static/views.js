@@ -275,15 +275,18 @@ class Grown extends View {
   options() {}
   // What of the state the picture depends on, as text.
   depends() { const { p, x0 } = this.app.state; return JSON.stringify([p, x0, this.app.view]); }
-  get stale() { return !!this.job && this.job.of !== this.depends(); }
+  get stale() { return !!this.job && (this.next || this.job).of !== this.depends(); }
+  get old() { return !!this.next || this.stale; }
   start(auto = false) {
-    this.restart();
     this.auto = auto;
-    this.job = { of: this.depends(), p: { ...this.app.state.p }, header: null };
-    this.app.queue(this);
+    this.bar.hidden = false; this.bar.value = 0;
+    this.next = { of: this.depends(), p: { ...this.app.state.p }, header: null };
+    this.job ||= this.next;
+    this.app.begun(this);
     this.draw();
   }
   heard(header, arrays) {
+    if (this.next) { this.restart(); this.job = this.next; this.next = null; } // the old picture stays until the new one begins
     this.job.header = header;
     if (header.of) this.bar.value = header.done / header.of;
     this.bar.hidden = !!header.finished;
@@ -291,17 +294,17 @@ class Grown extends View {
     this.app.redraw(this);
     // What nobody asked for must not take minutes.
     const rest = this.seconds(header);
-    if (this.auto && rest > 60) { this.app.halt(); this.halted = `↻ computes all of it, in ${Math.ceil(rest / 60)} minutes or so. `; this.app.moved(); }
+    if (this.auto && rest > 60) { this.app.halt(this); this.halted = `↻ computes all of it, in ${Math.ceil(rest / 60)} minutes or so. `; this.app.moved(); }
   }
   refused(why) { this.bar.hidden = true; this.say(why); this.note.classList.add("bad"); }
   stop() { this.bar.hidden = true; }
   seconds() { return 0; }
-  restart() { this.halted = ""; this.bar.hidden = false; this.bar.value = 0; this.note.classList.remove("bad"); }
+  restart() { this.halted = ""; this.note.classList.remove("bad"); }
   mark() {
     const changed = Object.entries(this.job?.p || {}).filter(([n, v]) => this.app.state.p[n] !== v && this.ignored !== n);
     return changed.length ? `Of ${changed.map(([n, v]) => `${written(n)} = ${plainly(v)}`).join(", ")}. ` : this.stale ? "Of another start. " : "";
   }
-  draw() { super.draw(); this.box.classList.toggle("stale", this.stale); }
+  draw() { super.draw(); this.box.classList.toggle("stale", this.old); }
 }
 const plainly = (v) => String(+v.toPrecision(5));
 
@@ -381,7 +384,7 @@ class Diagram extends Grown {
   dots(plot, app, h) {
     const { ctx } = plot, j = h.names.indexOf(app.state.diagram.y), n = h.names.length, [low, high] = h.range;
     const size = this.columns.size > 150 ? 1.1 : 2;
-    ctx.fillStyle = this.stale ? app.theme.ghost : app.theme.curve;
+    ctx.fillStyle = this.old ? app.theme.ghost : app.theme.curve;
     ctx.globalAlpha = 0.75;
     for (const [column, { points }] of this.columns) {
       const x = plot.px(low + ((high - low) * column) / (h.columns - 1)) - size / 2;
@@ -474,7 +477,7 @@ class Basins extends Grown {
   paint(plot, app) {
     const h = this.job?.header, { axes } = app.state.basins, { ctx } = plot;
     if (h && this.shade && h.axes.join() === axes.join()) {
-      ctx.globalAlpha = this.stale ? 0.35 : 1;
+      ctx.globalAlpha = this.old ? 0.35 : 1;
       plot.image(this.bitmap, h.ranges[0][0], h.ranges[1][0], h.ranges[0][1], h.ranges[1][1]);
       ctx.globalAlpha = 1;
       const at = axes.map((n) => app.scene.states.indexOf(n));
@@ -522,7 +525,7 @@ class Section extends Grown {
   }
   paint(plot, app) {
     const { ctx } = plot;
-    ctx.fillStyle = this.stale ? app.theme.ghost : app.theme.curve;
+    ctx.fillStyle = this.old ? app.theme.ghost : app.theme.curve;
     let k = 0;
     for (const [x, y] of this.each()) { const r = k++ < 50 ? 1.2 : 1.8; ctx.fillRect(plot.px(x) - r, plot.py(y) - r, 2 * r, 2 * r); }
   }
