@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import signal
 import time
 from collections.abc import Iterator
@@ -91,18 +92,17 @@ class _Jobs:
         """Compile what the first maps need, before they are asked for."""
         from .maps import JOBS
 
-        subject, asked = self.own, list[tuple[str, dict[str, Any]]]()
-        for parameter, value in list(subject.system.parameters.items())[:1]:
-            span = [value, value * (1 + 1e-9)]
-            asked.append(("diagram", {"parameter": parameter.name, "range": span, "columns": 2}))
+        subject, taken = self.own, math.inf
         names = [s.name for s in subject.system.states][:2]
         around = [[subject.start[n] - 1e-3, subject.start[n] + 1e-3] for n in names]
-        asked.append(("basins", {"axes": names, "ranges": around, "cells": 2}))  # Newton's method, too
-        for kind, request in asked:
-            with contextlib.suppress(
-                ValueError, TypeError, KeyError, RuntimeError
-            ):  # told when it is asked for
-                next(JOBS[kind](subject, request))
+        with contextlib.suppress(ValueError, TypeError, KeyError, RuntimeError):  # told when it is asked for
+            for parameter, value in list(subject.system.parameters.items())[:1]:
+                for _ in range(2):  # once to compile
+                    begun, span = time.perf_counter(), [value, value * (1 + 1e-9)]
+                    next(JOBS["diagram"](subject, {"parameter": parameter.name, "range": span, "columns": 2}))
+                    taken = time.perf_counter() - begun
+            if taken < 0.1:  # Newton's method, too; where orbits are slow, this would take minutes
+                next(JOBS["basins"](subject, {"axes": names, "ranges": around, "cells": 2}))
 
     def hear(self, message: dict[str, Any]) -> None:
         """Begin what is asked for, in the place of what ran of its kind."""

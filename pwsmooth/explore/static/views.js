@@ -120,6 +120,17 @@ class Time extends View {
     this.app.point(this.app.state.cursor + (step * (b - a) * (e.shiftKey ? 10 : 1)) / 500);
     e.preventDefault();
   }
+  // Of a run that stopped, what the page itself can do.
+  remedies(h) {
+    if (this.cured === h.ok) return;
+    this.cured = h.ok;
+    const { app } = this, button = (text, act) => element("button", { class: "small", type: "button", onclick: act }, text);
+    this.cures ||= this.box.appendChild(element("p", { class: "actions" }));
+    this.cures.replaceChildren(...(h.ok || app.scene.alone ? [] : [
+      button("Shorter span", () => { app.remember(); app.write({ t_span: [h.asked[0], h.asked[0] + 0.98 * (app.orbit.header.t_span[1] - h.asked[0])] }); }),
+      ...(app.scene.switches.length && !app.view ? [button("Smoothed view", () => app.turn("smoothed"))] : []),
+    ]));
+  }
   draw() {
     const { app } = this, { orbit } = app;
     if (!orbit || !this.box.isConnected) return;
@@ -146,6 +157,7 @@ class Time extends View {
       plot.end();
     }
     const h = orbit.header;
+    this.remedies(h);
     this.say(h.said || (h.ambiguities.length ? `Not unique from t = ${short(h.ambiguities[0][0])} on: ${h.ambiguities[0][1]}` : ""));
     this.note.classList.toggle("bad", !h.ok);
   }
