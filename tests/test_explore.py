@@ -259,6 +259,22 @@ def test_finished_basins_are_those_of_the_package(oscillator):
             np.testing.assert_allclose(mine, starts[known.labels[column, row]], atol=1e-6)
 
 
+def test_an_autonomous_system_has_maps_by_a_section():
+    pol = System({x: v, v: k * (1 - x**2) * v - x}, parameters={k: 1})
+    scene = subject.subject_of(pol, {x: 1, v: 0}, t_span=(0, 20))
+    with pytest.raises(ValueError, match="no period"):
+        next(maps.diagram(scene, {"parameter": "k", "range": [0.5, 2], "columns": 3}))
+    state = {"parameter": "k", "range": [0.5, 2.0], "columns": 3, "section": ["v", -1]}
+    found = {}
+    for _, arrays in maps.diagram(scene, state):
+        found |= dict(zip(arrays["column"].tolist(), arrays["points"]))
+    known = orbit_diagram(
+        pol, k, [0.5, 1.25, 2.0], {x: 1, v: 0}, section=v, direction=-1, transient=100, keep=1
+    )
+    np.testing.assert_allclose([found[c][-1, 0] for c in range(3)], known["x"][:, 0], atol=1e-7)
+    assert "section='v', direction=-1" in script(scene, {**state, "for": "diagram"})
+
+
 def test_a_section_repeats_where_the_orbit_does(oscillator):
     points = np.concatenate([arrays["points"] for _, arrays in maps.section(oscillator, {})])
     assert np.abs(points[-2] - points[-3]).max() < 1e-8 and len(points) < 1000

@@ -12,7 +12,7 @@ import numpy as np
 from .. import plotting
 from ..definition import checks
 from ..sweep.basins import basins, orbit_diagram
-from .live import state_of
+from .live import state_of, strobed_by
 from .subject import Subject
 
 FORMATS = ("png", "pdf", "svg")
@@ -32,8 +32,6 @@ def script(subject: Subject, asked: Mapping[str, Any]) -> str:
         lines += ["from sympy import oo"]
     if any("np." in line for line in body):
         lines += ["import numpy as np"]
-    if any("pi" in line for line in body if "period" in line):
-        lines += ["from sympy import pi, symbols"]
     imports = [name for name in ("basins", "orbit_diagram") if any(f"{name}(" in line for line in body)]
     lines += [f"from pwsmooth import {', '.join(imports)}"] * bool(imports)
     lines += [
@@ -43,6 +41,12 @@ def script(subject: Subject, asked: Mapping[str, Any]) -> str:
         "",
     ]
     return "\n".join([*lines, *body, ""])
+
+
+def _strobes(subject: Subject, asked: Mapping[str, Any]) -> str:
+    """The arguments that say what makes the strobes."""
+    told = {n: v if n == "direction" else str(v) for n, v in strobed_by(subject, asked).items()}
+    return ", ".join(f"{name}={value!r}" for name, value in told.items())
 
 
 def _own(subject: Subject, name: str) -> float | None:
@@ -60,7 +64,7 @@ def _plot(
             f"system = scene.system.with_parameters({dict(p)!r})",
             "with style():",
             f"    found = orbit_diagram(system, {name!r}, np.linspace({low!r}, {high!r}, {count}), {dict(x0)!r},",
-            f"                          {str(subject.period)!r}, transient=100, keep=100)",
+            f"                          {_strobes(subject, asked)}, transient=100, keep=100)",
             "    ax = found.plot()",
         ]
     if view == "basins":
@@ -70,7 +74,7 @@ def _plot(
         return [
             f"system = scene.system.with_parameters({dict(p)!r})",
             "with style():",
-            f"    found = basins(system, {{{grid}}}, {str(subject.period)!r}, start={rest!r})",
+            f"    found = basins(system, {{{grid}}}, {_strobes(subject, asked)}, start={rest!r})",
             "    ax = found.plot()",
         ]
     if view in ("phase", "characteristic"):
@@ -97,7 +101,7 @@ def figure(subject: Subject, asked: Mapping[str, Any]) -> bytes:
             low, high, count, name = _diagram(asked)
             values = np.linspace(low, high, count)
             found = orbit_diagram(
-                subject.system.with_parameters(p), name, values, x0, subject.period,
+                subject.system.with_parameters(p), name, values, x0, **strobed_by(subject, asked),
                 transient=100, keep=100,
             )  # fmt: skip
             found.plot(ax=drawn.subplots())
@@ -105,7 +109,7 @@ def figure(subject: Subject, asked: Mapping[str, Any]) -> bytes:
             axes, ranges, count = _basins(asked)
             values = {n: np.linspace(a, b, count) for n, (a, b) in zip(axes, ranges)}
             rest = {n: v for n, v in x0.items() if n not in axes}
-            basins(subject.system.with_parameters(p), values, subject.period, start=rest).plot(
+            basins(subject.system.with_parameters(p), values, start=rest, **strobed_by(subject, asked)).plot(
                 ax=drawn.subplots()
             )
         else:

@@ -109,17 +109,18 @@ def _has_hidden(system: Any) -> bool:
 
 def _map(subject: Subject, states: list[str]) -> dict[str, Any]:
     """Whether orbit diagram, basins and section are offered; else why not."""
-    if subject.period is None:
-        return {"ok": False, "why": "no period: this system is not driven periodically, so that there are no strobes "
-                "to show; a section can be given in Python, orbit_diagram(section=...)"}  # fmt: skip
-    if subject.system.model.smoothing:
-        return {"ok": False, "why": "a smoothed view runs on the stiff path, too slowly for a map that grows"}
     controlled = [str(p) for p in subject.system.parameters]
-    return {
-        "ok": True,
+    known = {
+        "ok": subject.period is not None, "why": "",
         "parameter": next((n for n in (*subject.ranges, *controlled) if n in controlled), None),
-        "basins": len(states) > 1,
-    }
+        "basins": len(states) > 1, "sections": states if subject.period is None else [],
+    }  # fmt: skip
+    if subject.system.model.smoothing:
+        why = "a smoothed view runs on the stiff path, too slowly for a map that grows"
+        return known | {"ok": False, "why": why, "sections": []}
+    if subject.period is None:
+        known["why"] = "no period: this system is not driven periodically, so that there are no strobes"
+    return known
 
 
 def _reach(start: float, k: int, solution: Any) -> list[float]:

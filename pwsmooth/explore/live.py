@@ -142,6 +142,16 @@ def state_of(subject: Subject, asked: Mapping[str, Any]) -> tuple[dict[str, floa
     return p, x0, span
 
 
+def strobed_by(subject: Subject, asked: Mapping[str, Any]) -> dict[str, Any]:
+    """What makes the strobes of a map, as arguments: the period, or `section` = [state, direction], its zeros."""
+    if subject.period is not None:
+        return {"period": subject.period}
+    name, direction = checks.several(asked.get("section") or ("", 1), "`section`")
+    if str(name) not in [s.name for s in subject.system.states]:
+        raise ValueError("the system has no period, and no state is chosen whose zeros make a section.")
+    return {"section": str(name), "direction": checks.one_of(1, -1)(direction, "`direction`")}
+
+
 def _numbers(given: Any, what: str) -> dict[str, float]:
     """Names to finite numbers, of which text and truth values are none."""
     for key, value in checks.mapping(given, what).items():

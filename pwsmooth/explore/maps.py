@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.sections import poincare_map
+from ..analysis.sections import LONGEST, poincare_map
 from ..codegen.machine.workers import cores
 from ..definition import checks
 from ..sweep.basins import orbit_diagram, refine_basins
 from ..sweep.measures import Points
 from ..sweep.refining import SweepPlan, make_plan, refine, spread
 from .describe import LIMITS
-from .live import Answer, state_of
+from .live import Answer, state_of, strobed_by
 from .subject import Subject
 
 _SLICE = 0.05  # s between two pieces
@@ -28,16 +28,17 @@ _REPEATS = 1e-9  # relative to 1 + abs(x): so nearly a section's last strobes re
 _COARSEST = 64  # starts that one start stands for at first, along each axis of a basin
 
 
-def _driven(subject: Subject, asked: Mapping[str, Any]) -> tuple[Any, dict[str, float], dict[str, Any]]:
-    """(system, start, options) of a map; ValueError where there are no strobes."""
-    if subject.period is None:
-        raise ValueError("the system has no period, so that there are no strobes.")
+def _driven(
+    subject: Subject, asked: Mapping[str, Any]
+) -> tuple[Any, dict[str, float], dict[str, Any], dict[str, Any]]:
+    """(system, start, what makes its strobes, options) of a map."""
     p, x0, _ = state_of(subject, asked)
+    strobes = strobed_by(subject, asked)
     options = {
         "atol": [subject.atol.get(s.name, 1e-12) for s in subject.system.states],
         "max_steps": LIMITS["steps"],
     }
-    return subject.system.with_parameters(p), x0, options
+    return subject.system.with_parameters(p), x0, strobes, options
 
 
 class _Progress:
@@ -54,7 +55,7 @@ class _Progress:
 
 def diagram(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
     """Strobes over a parameter. `carry`: 0 each from the same start, 1 from left to right, -1 from right to left."""
-    system, x0, options = _driven(subject, asked)
+    system, x0, strobes, options = _driven(subject, asked)
     name, (low, high) = str(asked["parameter"]), checks.interval(asked["range"], "`range`")
     count = min(checks.whole(asked.get("columns", 800), "`columns`", 2), LIMITS["columns"])
     keep = min(checks.whole(asked.get("keep", 100), "`keep`", 1), LIMITS["points"])
@@ -64,12 +65,12 @@ def diagram(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
             "keep": keep, "carry": carry}  # fmt: skip
     progress = _Progress(count)
     if carry:
-        for which, points in _carried(system, name, values, x0, subject.period, keep, carry, options):
+        for which, points in _carried(system, name, values, x0, keep, carry, options | strobes):
             yield head | progress.told(len(which)), _columns(which, points)
         return
     plan = make_plan(
-        system, {name: values.tolist()}, start=x0, period=subject.period, transient=100, periods=keep,
-        measures=[Points(*states, last=keep)], **options,
+        system, {name: values.tolist()}, start=x0, transient=100, periods=keep,
+        measures=[Points(*states, last=keep)], **options, **strobes,
     )  # fmt: skip
     for which, found in _paced(plan):
         points = np.stack([found[f"{state}_points"] for state in states], axis=-1)
@@ -94,7 +95,7 @@ def _paced(plan: SweepPlan) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]
 
 
 def _carried(
-    system: Any, name: str, values: np.ndarray, x0: Mapping[str, float], period: Any, keep: int, way: int,
+    system: Any, name: str, values: np.ndarray, x0: Mapping[str, float], keep: int, way: int,
     options: Mapping[str, Any],
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:  # fmt: skip
     """Columns, each from where its neighbour ended: hysteresis shows where the two ways differ."""
@@ -103,7 +104,7 @@ def _carried(
     while done < len(order):
         which, begun = order[done : done + size], time.perf_counter()
         found = orbit_diagram(
-            system, name, values[which].tolist(), start, period, transient=100, keep=keep, carry=True, **options
+            system, name, values[which].tolist(), start, transient=100, keep=keep, carry=True, **options
         )
         done += len(which)
         size = max(1, min(2 * size, int(len(which) * _SLICE / (time.perf_counter() - begun))))
@@ -118,8 +119,9 @@ def _columns(which: np.ndarray, points: np.ndarray) -> dict[str, np.ndarray]:
 
 def section(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
     """Strobes of the current orbit, ever more of them, until they repeat."""
-    system, x0, _ = _driven(subject, asked)
-    strobe = poincare_map(system, subject.period, None, 1, 1.0, {})
+    system, x0, strobes, _ = _driven(subject, asked)
+    by = {"period": None, "section": None, "direction": 1} | strobes
+    strobe = poincare_map(system, by["period"], by["section"], by["direction"], LONGEST, {})
     names = [s.name for s in system.states]
     last, progress, size = np.array([[x0[n] for n in names]]), _Progress(_STROBES), 8
     while True:
@@ -143,7 +145,7 @@ def section(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
 
 def basins(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
     """The attractor that each start of a grid over two states comes to; labels as of the package, 3 added."""
-    system, x0, options = _driven(subject, asked)
+    system, x0, strobes, options = _driven(subject, asked)
     axes = [str(n) for n in checks.several(asked["axes"], "`axes`")]
     ranges = [checks.interval(r, "`ranges`") for r in checks.several(asked["ranges"], "`ranges`")]
     if not len(axes) == len(ranges) == len(set(axes)) == 2:
@@ -155,7 +157,7 @@ def basins(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
     rest = {name: value for name, value in x0.items() if name not in axes}
     head = {"kind": "basins", "axes": axes, "ranges": ranges, "cells": n}
     counts, progress = np.zeros(256, int), _Progress(n * n)
-    for which, labels, attractors in refine_basins(system, grid, subject.period, start=rest, **options):
+    for which, labels, attractors in refine_basins(system, grid, start=rest, **options, **strobes):
         column, row = which // n, which % n
         lowest = (column | row) & -(column | row)
         counts += np.bincount(labels + 3, minlength=256)[:256]

@@ -181,8 +181,7 @@ class App {
     const own = Object.fromEntries(scene.controls.map((c) => [c.name, c.value]));
     const fresh = { v: 1, view: this.view, p: own, x0: { ...scene.start }, t_span: [...scene.t_span], cursor: scene.t_span[0] + 0.62 * (scene.t_span[1] - scene.t_span[0]), names: [...scene.names],
       phase: [...scene.phase], switch: scene.switches[0] || "", diagram: { parameter: scene.map.parameter || "", range: null, y: scene.states[0], carry: 0 },
-      basins: { axes: scene.states.slice(0, 2), ranges: scene.states.slice(0, 2).map((n) => scene.axes[n]) }, ranges: {} };
-    if (scene.map.first) fresh.diagram.parameter = scene.map.first;
+      basins: { axes: scene.states.slice(0, 2), ranges: scene.states.slice(0, 2).map((n) => scene.axes[n]) }, section: null, ranges: {} };
     this.state = this.restored(fresh);
     if (this.fragmentView && this.fragmentView !== this.view) { this.view = this.fragmentView; return this.transport.send({ kind: "view", view: this.view }); }
     document.title = `${scene.title} · pwsmooth explore`;
@@ -190,14 +189,21 @@ class App {
     this.sub.textContent = this.sub.title = scene.note;
     this.tint();
     this.controls();
+    this.build();
+    if (!this.ready) { if (this.notice.hidden || this.starting) this.tell("Compiling, up to a minute, once per machine ...", false, true); }
+    else this.ask();
+  }
+  // Whether there are strobes: of a period, or by a section that was chosen.
+  get mapped() { return this.scene.map.ok || (!!this.state.section && !!this.scene.map.sections.length); }
+  get strobes() { const { section } = this.state; return section ? `Returns to ${written(section[0])} = 0, ${section[1] > 0 ? "rising" : "falling"}` : "Strobes"; }
+  build() {
+    const { scene } = this;
     this.views = VIEWS.map((V) => new V(this)).filter((v) => !scene.views.length || scene.views.includes(v.key));
     this.missing = this.views.filter((v) => v.why());
     this.views = this.views.filter((v) => !v.why());
     for (const v of this.views) v.build();
     this.root.classList.toggle("alone", !!scene.alone);
     this.arrange();
-    if (!this.ready) { if (this.notice.hidden || this.starting) this.tell("Compiling, up to a minute, once per machine ...", false, true); }
-    else this.ask();
   }
   // What the address says of the state; unknown keys and what is no number is dropped, with a note.
   restored(fresh) {
@@ -222,6 +228,7 @@ class App {
       phase: known(given.phase, 2) && given.phase.length === 2 ? given.phase : fresh.phase, switch: this.scene.switches.includes(given.switch) ? given.switch : fresh.switch,
       diagram: { parameter: d.parameter in fresh.p ? d.parameter : fresh.diagram.parameter, range: pair(d.range) ? d.range : null, y: this.scene.states.includes(d.y) ? d.y : fresh.diagram.y, carry: [1, -1].includes(d.carry) ? d.carry : 0 },
       basins: Array.isArray(b.axes) && b.axes.length === 2 && b.axes.every((n) => this.scene.states.includes(n)) && Array.isArray(b.ranges) && b.ranges.every(pair) ? { axes: b.axes, ranges: b.ranges } : fresh.basins,
+      section: Array.isArray(given.section) && this.scene.states.includes(given.section[0]) && [1, -1].includes(given.section[1]) ? given.section.slice(0, 2) : null,
       ranges: Object.fromEntries(Object.entries(given.ranges || {}).filter(([n, r]) => n in fresh.p && pair(r))) };
     if (dropped.length && !this.turned) this.tell(`Not of this system, and left out: ${dropped.join(", ")}.`);
     return state;
@@ -310,7 +317,7 @@ class App {
     const place = (v) => this.slots.indexOf(v.key), shownViews = narrow ? this.views.filter((v) => !tabbed.includes(v) || v.key === this.tab)
       : this.views.filter((v) => !this.hiddenMaps.includes(v.key)).sort((a, b) => place(a) - place(b));
     const order2 = narrow ? [...shownViews.filter((v) => v.key === "mechanism"), ...shownViews.filter((v) => v.key === "time"), this.tabs, ...shownViews.filter((v) => tabbed.includes(v))].map((v) => v.box || v) : shownViews.map((v) => v.box);
-    this.main.replaceChildren(...order2, ...(narrow ? [] : this.missing.filter((v) => v.key === "diagram").map((v) => element("p", { class: "missing" }, `No diagram, basins or section: ${v.why()}.`))));
+    this.main.replaceChildren(...order2, ...(narrow ? [] : this.missing.filter((v) => v.key === "diagram").map((v) => element("p", { class: "missing" }, `No diagram, basins or section: ${v.why()}. `, ...this.sections()))));
     this.tabs.querySelector('[aria-selected="true"]')?.scrollIntoView({ block: "nearest", inline: "center" });
     this.main.dataset.mechanism = shownViews.some((v) => v.key === "mechanism");
     this.main.dataset.maps = shownViews.filter((v) => v.asked).length;
@@ -321,6 +328,13 @@ class App {
     if (this.orbit && !this.layer) this.askLayer();
   }
 
+  // A section of an autonomous system: a state's zero, chosen by hand.
+  sections() {
+    const { sections } = this.scene.map;
+    if (!sections.length || this.scene.alone) return [];
+    const options = [["", "choose a section"], ...sections.slice(0, 20).flatMap((n) => [[`${n} 1`, `${written(n)} = 0, rising`], [`${n} -1`, `${written(n)} = 0, falling`]])];
+    return [choice("section", options, "", (v) => { const [n, d] = v.split(" "); this.remember(); this.state.section = n ? [n, +d] : null; this.build(); this.ask(); })];
+  }
   // Two of the maps stand side by side; the menu in a caption puts another one there.
   swap(views) {
     const maps = views.filter((v) => ["diagram", "basins", "section"].includes(v.key));
@@ -402,7 +416,7 @@ class App {
   // ---- requests
   ask() {
     if (!this.scene || this.lost) return;
-    const { state: s, scene } = this, names = [...new Set([...s.names, ...s.phase, ...scene.characteristic, ...(scene.map.ok ? s.basins.axes : [])])];
+    const { state: s, scene } = this, names = [...new Set([...s.names, ...s.phase, ...scene.characteristic, ...(this.mapped ? s.basins.axes : [])])];
     this.waiting = { kind: "orbit", p: { ...s.p }, x0: { ...s.x0 }, t_span: s.t_span, names, phase: s.phase };
     this.note();
     if (this.inFlight === null && this.ready) this.send();
@@ -428,7 +442,7 @@ class App {
   begun(view) {
     view.id = ++this.job;
     const { p, x0 } = this.state;
-    this.transport.send({ ...view.asked(), job: view.id, p, x0 });
+    this.transport.send({ ...view.asked(), job: view.id, p, x0, section: this.state.section });
   }
   halt(only = null) {
     for (const v of this.views) {
@@ -524,7 +538,7 @@ class App {
   request() {
     const s = this.state, d = this.of("diagram")?.asked?.() || {}, { axes, ranges } = s.basins;
     return { p: s.p, x0: s.x0, t_span: s.t_span, names: s.names, phase: s.phase, characteristic: this.scene.characteristic, switch: s.switch, cursor: s.cursor,
-      parameter: d.parameter, range: d.range, columns: d.columns, axes, ranges, cells: 300 };
+      section: s.section, parameter: d.parameter, range: d.range, columns: d.columns, axes, ranges, cells: 300 };
   }
   link() { this.show("Link", `${location.origin}/#s=${this.hash()}`, `On another machine:\n${(this.scene.command || "pwsmooth explore SCENE")} --state ${this.hash()}`); }
   pick(then, more = []) {

@@ -273,7 +273,7 @@ class Layer extends View {
 
 // A map of the maps' process: what it was asked, how far it is, whether the state has moved on.
 class Grown extends View {
-  why() { return this.app.scene.map.ok ? "" : this.app.scene.map.why; }
+  why() { return this.app.mapped ? "" : this.app.scene.map.why; }
   fill() {
     this.job = null;
     this.bar = element("progress", { max: 1, value: 0, "aria-label": "progress" });
@@ -286,7 +286,7 @@ class Grown extends View {
   }
   options() {}
   // What of the state the picture depends on, as text.
-  depends() { const { p, x0 } = this.app.state; return JSON.stringify([p, x0, this.app.view]); }
+  depends() { const { p, x0 } = this.app.state; return JSON.stringify([p, x0, this.app.view, this.app.state.section]); }
   get stale() { return !!this.job && (this.next || this.job).of !== this.depends(); }
   get old() { return !!this.next || this.stale; }
   start(auto = false) {
@@ -333,7 +333,7 @@ class Diagram extends Grown {
   depends() {
     const { p, x0, diagram } = this.app.state, rest = { ...p };
     delete rest[diagram.parameter];
-    return JSON.stringify([rest, this.fromDiagram ? 0 : x0, diagram.parameter, diagram.range, diagram.carry, this.app.view]);
+    return JSON.stringify([rest, this.fromDiagram ? 0 : x0, diagram.parameter, diagram.range, diagram.carry, this.app.view, this.app.state.section]);
   }
   asked() {
     const { diagram } = this.app.state;
@@ -409,7 +409,7 @@ class Diagram extends Grown {
     if (!h || this.note.classList.contains("bad")) return;
     const mode = h.carry ? `carried on ${h.carry > 0 ? "from left to right" : "from right to left"}` : "each from the same start";
     const rest = h.finished ? "" : ` ${h.done} of ${h.of} columns.`;
-    this.say(`${this.mark()}${this.halted}Strobes, ${mode}.${rest} Click: orbit there${this.app.scene.alone ? "" : "; drag: zoom"}.`);
+    this.say(`${this.mark()}${this.halted}${app.strobes}, ${mode}.${rest} Click: orbit there${this.app.scene.alone ? "" : "; drag: zoom"}.`);
     this.canvas.setAttribute("aria-label", `Orbit diagram of ${written(app.state.diagram.y)} over ${written(h.parameter)}. ${h.columns} values.`);
   }
 }
@@ -430,7 +430,7 @@ class Basins extends Grown {
   depends() {
     const { p, x0, basins } = this.app.state, rest = { ...x0 };
     for (const n of basins.axes) delete rest[n];
-    return JSON.stringify([p, rest, basins, this.app.view]);
+    return JSON.stringify([p, rest, basins, this.app.view, this.app.state.section]);
   }
   asked() { const { axes, ranges } = this.app.state.basins; return { kind: "basins", axes, ranges, cells: this.wanted || 300 }; }
   restart() { super.restart(); this.shade = null; }
@@ -543,7 +543,7 @@ class Section extends Grown {
   }
   after() {
     const h = this.job?.header;
-    if (h && !this.note.classList.contains("bad")) this.say(`${this.mark()}${h.done} periods${h.repeats ? ", repeating" : ""}. Click: start there.`);
+    if (h && !this.note.classList.contains("bad")) this.say(`${this.mark()}${h.done} ${this.app.state.section ? "returns" : "periods"}${h.repeats ? ", repeating" : ""}. Click: start there.`);
   }
 }
 
