@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 from friction_oscillator import hidden, t, v, y, z
 
-from pwsmooth import System, Unilateral, solve
+from pwsmooth import Event, System, Unilateral, solve
 
 START = {y: 0.5, v: 0.3, z: 0}
 AGREES = 1e-12  # sums of some twenty terms of size one, in another order
@@ -137,3 +137,11 @@ def test_outputs_are_sampled_too_and_other_names_are_refused():
 def test_a_run_that_stops_where_it_began_is_one_point():
     stopped = solve(System({x: 1 / x}), (0, 1), {x: 0}, dense_output=True)
     assert not stopped.success and len(stopped.sample()) == 1
+
+
+def test_the_limit_of_events_that_accumulate_is_the_last_point():
+    # x -> x/2 each time that x' = -1 has brought it to half of what it was: at t = 2 x is 0.
+    halves = System({x: -1, u: 0}, events=[Event(x - u / 2, direction=-1, update={u: u / 2})])
+    run_out = solve(halves, (0, 3), {x: 2.0, u: 2.0}, dense_output=True)
+    drawn = run_out.sample(200)
+    assert drawn.t[-1] == run_out.t[-1] and np.array_equal(drawn.values[-1], run_out.x[:, -1])

@@ -135,6 +135,7 @@ def test_films_are_written_as_gif_and_html_with_as_many_frames_as_asked_for(tmp_
 def test_all_kinds_of_shapes_are_drawn():
     for name in SCENES:
         film = shown(name)[0].animate(fps=1, seconds=2)
+        film._draw_was_started = True  # else it warns that nobody has seen it
         film._draw_frame(1)
         matplotlib.pyplot.close(film._fig)
 

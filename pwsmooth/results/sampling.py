@@ -114,9 +114,9 @@ def sampled(
     if solution.course:  # of a run that was asked for times, from the first to the last of them
         some = (first < t) & (t < last)
         t, fixed, rows, step, statuses = t[some], fixed[some], rows[:, some], step[some], statuses[:, some]
-    # The last event acts where no step begins.
-    acts = len(solution.t) > 1 and solution.t[-2] == last
-    for at, missing in ((0, solution.course), (-1, solution.course or acts or not len(t))):
+    # The last event acts where no step begins; the limit of an accumulation lies behind the last one.
+    behind = not len(t) or t[-1] < last or solution.t[-2] == last
+    for at, missing in ((0, solution.course), (-1, solution.course or behind)):
         if missing:
             place = 0 if at == 0 else len(t)
             column = np.concatenate([solution.x[:, at], solution.mult[:, at]])[wanted]
