@@ -401,6 +401,17 @@ def taking(b: Browser, shots: Path | None) -> None:
             tab.screenshot(path=shots / "layered.desktop.png", full_page=True)
 
 
+def sections(b: Browser, shots: Path | None) -> None:
+    """An autonomous system has its maps once a section is chosen."""
+    with served("--preset", "stribeck") as (url, _), b.tab(url) as tab:
+        expect(tab.evaluate("!explorer.of('diagram')"), "a diagram without strobes")
+        tab.select_option(".missing select", "v -1")
+        wait(tab, "explorer.of('diagram')?.columns?.size > 20", 30, "no diagram by a section")
+        expect(
+            "Returns to v = 0, falling" in tab.inner_text(".diagram .note"), "it does not say by which section"
+        )
+
+
 def ending(b: Browser, shots: Path | None) -> None:
     """A closed tab ends its processes; a server that ends is told of, and the state stays."""
 
@@ -460,7 +471,7 @@ def phone(b: Browser, shots: Path | None) -> None:
 
 
 CHECKS: tuple[Callable[[Browser, Path | None], None], ...] = (
-    sliders, gestures, colours, links, taking, ending, phone, views,
+    sliders, gestures, colours, links, taking, sections, ending, phone, views,
 )  # fmt: skip
 
 

@@ -21,7 +21,7 @@ from .describe import describe
 from .frames import pack
 from .live import Live, state_of
 from .maps import diagram as columns_of
-from .subject import Subject
+from .subject import VIEWS, Subject
 
 MOST = 5_000_000  # bytes of a file
 _POINTS = 1000  # of a picture
@@ -64,6 +64,8 @@ def standalone(
     ((key, values),) = given.items()
     name = checks.lookup(key, subject.system.parameters, "`over`", "parameter").name
     values = np.unique(checks.numbers(values, f"`over` of {name}"))
+    for view in () if views is None else checks.several(views, "`views`"):
+        checks.one_of(*VIEWS)(view, "`views`")
     shown = tuple(views or ("time", "mechanism", "phase", "characteristic", "layer")) + ("diagram",) * diagram
     if "mechanism" not in shown:
         subject = replace(subject, sketch=None)

@@ -260,7 +260,7 @@ def _remedies(said: str) -> dict[str, Any]:
 def said_of(solution: Solution, period: float | None) -> str:
     """A sentence: what the orbit comes to, its sticks and events."""
     if not solution.success:
-        return f"Stopped at t = {solution.t[-1]:.6g}: {solution.outcome}"
+        return f"stopped at t = {solution.t[-1]:.6g}"
     end, begin, where = float(solution.t[-1]), float(solution.t[0]), "in all"
     words: list[str] = []
     if period:

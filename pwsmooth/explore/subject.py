@@ -46,6 +46,9 @@ USUAL: dict[str, tuple[str | None, dict[str, Any]]] = {
 }
 
 
+VIEWS = ("time", "mechanism", "phase", "characteristic", "layer", "diagram", "basins", "section")
+
+
 @dataclass(frozen=True)
 class Subject:
     """Everything that the processes of a page need; picklable."""
@@ -109,7 +112,8 @@ def subject_of(
     given = {str(k): checks.interval(v, f"`ranges` of {k}") for k, v in ranges.items()}
     for name in given:
         checks.lookup(name, subject.system.parameters, "`ranges`", "parameter")
-    return replace(subject, ranges=given, views=tuple(views or ()))
+    named = () if views is None else checks.several(views, "`views`")
+    return replace(subject, ranges=given, views=tuple(checks.one_of(*VIEWS)(v, "`views`") for v in named))
 
 
 def _of_system(system: Any, x0: Any, t_span: Any) -> Subject:

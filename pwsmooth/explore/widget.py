@@ -12,7 +12,6 @@ import threading
 from typing import Any
 
 from .bundle import module, style
-from .opening import Explorer
 from .processes import Workers
 
 _RENDER = """
@@ -34,7 +33,7 @@ export default { render };
 """
 
 
-def widget_of(explorer: Explorer) -> Any:
+def widget_of(explorer: Any) -> Any:
     """The widget of an explorer; ImportError without anywidget."""
     return _class()(explorer)
 
@@ -49,7 +48,7 @@ def _class() -> Any:
         _esm = module() + _RENDER
         _css = style()
 
-        def __init__(self, explorer: Explorer) -> None:
+        def __init__(self, explorer: Any) -> None:
             super().__init__()
             self.explorer = explorer
             self._workers: Workers | None = None
