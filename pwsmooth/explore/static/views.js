@@ -393,16 +393,23 @@ class Diagram extends Grown {
     if (h && h.parameter === app.state.diagram.parameter) this.dots(plot, app, h);
     if (this.brush && Math.abs(this.brush[2] - this.brush[0]) > 4) plot.box(this.brush);
   }
+  // Points are counted into pixels: 80 000 of them as rectangles would take 30 ms.
   dots(plot, app, h) {
-    const { ctx } = plot, j = h.names.indexOf(app.state.diagram.y), n = h.names.length, [low, high] = h.range;
-    const size = this.columns.size > 150 ? 1.1 : 2;
-    ctx.fillStyle = this.old ? app.theme.ghost : app.theme.curve;
-    ctx.globalAlpha = 0.75;
+    const { ratio } = plot, [w, t] = plot.inner.map((v) => Math.max(1, Math.round(v * ratio))), j = h.names.indexOf(app.state.diagram.y), n = h.names.length;
+    const [low, high] = h.range, wide = Math.max(2, Math.round(1.5 * ratio)), image = new ImageData(w, t), pixels = new Uint32Array(image.data.buffer);
+    const c = parseInt((this.old ? app.theme.ghost : app.theme.curve).slice(1), 16), colour = (0xd0 << 24) | ((c & 255) << 16) | (c & 0xff00) | (c >> 16);
+    const sx = w / (plot.x.high - plot.x.low), sy = t / (plot.y.high - plot.y.low);
     for (const [column, { points }] of this.columns) {
-      const x = plot.px(low + ((high - low) * column) / (h.columns - 1)) - size / 2;
-      for (let k = j; k < points.length; k += n) ctx.fillRect(x, plot.py(points[k]) - size / 2, size, size);
+      const x = Math.round((low + ((high - low) * column) / (h.columns - 1) - plot.x.low) * sx - wide / 2);
+      for (let k = j; k < points.length; k += n) {
+        const y = Math.round((plot.y.high - points[k]) * sy - wide / 2);
+        if (!(y >= 0 && y < t)) continue;
+        for (let r = y; r < Math.min(t, y + wide); r++) for (let q = Math.max(0, x); q < Math.min(w, x + wide); q++) pixels[r * w + q] = colour;
+      }
     }
-    ctx.globalAlpha = 1;
+    const drawn = element("canvas", { width: w, height: t });
+    drawn.getContext("2d").putImageData(image, 0, 0);
+    plot.ctx.drawImage(drawn, plot.left, plot.top, ...plot.inner);
   }
   after(plot, app) {
     const h = this.job?.header;
