@@ -52,6 +52,7 @@ def describe(subject: Subject, solution: Any = None) -> dict[str, Any]:
             "shapes": subject.sketch.describe(), "bounds": subject.sketch.bounds, "note": subject.sketch.note,
         },
         "views": list(subject.views),
+        "command": subject.command or "pwsmooth explore SCENE",
         "colours": {
             "right": plotting.COLOUR["right"], "left": plotting.COLOUR["left"], "stick": plotting.COLOUR["stick"],
             "line": plotting.COLOUR["mark"], "fast": plotting.COLOUR["fast"],

@@ -8,6 +8,7 @@ import re
 import sys
 import webbrowser
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -233,4 +234,6 @@ def command(
         subject = with_ranges(named_subject(what, law), what)
     if state and not re.fullmatch(r"[A-Za-z0-9_-]{1,12000}", state):
         raise ValueError("`--state` is no state; give what `Copy link` shows.")
+    given = f"--preset {preset}" if preset else what + (f" --law {law}" if law else "")
+    subject = replace(subject, command=f"pwsmooth explore {given}")
     serve(Explorer(subject), port, browser, say, f"&s={state}" if state else "")

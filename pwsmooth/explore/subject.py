@@ -66,6 +66,7 @@ class Subject:
     sketch: Any = None
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     views: tuple[str, ...] = ()
+    command: str = ""  # that opens the same on another machine
 
     @cached_property
     def scene(self) -> Scene:

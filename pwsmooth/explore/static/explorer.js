@@ -540,7 +540,7 @@ class App {
     return { p: s.p, x0: s.x0, t_span: s.t_span, names: s.names, phase: s.phase, characteristic: this.scene.characteristic, switch: s.switch, cursor: s.cursor,
       section: s.section, parameter: d.parameter, range: d.range, columns: d.columns, axes, ranges, cells: 300 };
   }
-  link() { this.show("Link", `${location.origin}/#s=${this.hash()}`, `On another machine:\n${(this.scene.command || "pwsmooth explore SCENE")} --state ${this.hash()}`); }
+  link() { this.show("Link", `${location.origin}/#s=${this.hash()}`, `On another machine:\n${this.scene.command} --state ${this.hash()}`); }
   pick(then, more = []) {
     const views = this.views.filter((v) => !["section", "mechanism", "noise"].includes(v.key)).map((v) => [v.key, v.title]);
     let view = this.focused || "time";
