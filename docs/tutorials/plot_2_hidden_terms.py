@@ -126,7 +126,7 @@ assert np.abs(force - 16 / 9).max() < 1e-9 and len(ends) > 70
 # .. explorer:: fold
 #    :over: rho=0.2..6/30
 #    :views: time, layer, characteristic
-#    :height: 640
+#    :height: 780
 
 # %%
 # How fast does static friction build up?

@@ -71,7 +71,7 @@ plt.show()
 #    :over: rho=0.2..8/40
 #    :views: time, phase
 #    :diagram:
-#    :height: 760
+#    :height: 800
 
 # %%
 # Everything that xarray can do can be done with it: here, which itineraries there are, and how

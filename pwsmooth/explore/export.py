@@ -26,6 +26,7 @@ from .subject import VIEWS, Subject
 MOST = 5_000_000  # bytes of a file
 _POINTS = 1000  # of a picture
 _CHORDS = (5e-4, 1e-3, 2e-3, 4e-3, 8e-3)  # of the range, of which the first that leaves so few points is taken
+_NARROW = 560  # px: what stands within another page has less room than a screen, and one slider only
 _POSES = 250  # of the mechanism
 _LAYERS = 32  # instants at which the layer is kept
 
@@ -104,7 +105,7 @@ def standalone(
     data = {"scene": _text(pack(scene)), "parameter": name, "values": values.tolist(), "frames": frames,
             "layers": [layers.get(k, "") for k in range(len(values))], "diagram": grown}  # fmt: skip
     text = _PAGE.format(
-        title=html.escape(subject.name), style=style(), module=module(),
+        title=html.escape(subject.name), style=style(_NARROW), module=module(_NARROW),
         data=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
     )  # fmt: skip
     if len(text) > MOST:
