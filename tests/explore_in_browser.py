@@ -219,7 +219,7 @@ def sliders(b: Browser, shots: Path | None) -> None:
         )
         expect(last[0] == last[1] and last[2] == last[3], f"the last answer is not drawn: {last}")
         seq = tab.evaluate(
-            "() => { const late = {...explorer.orbit.header, seq: 1, to: 'orbit'}; const h = explorer.orbit.header.seq; explorer.hear(late, {t: explorer.orbit.t, status: explorer.orbit.raw, values: new Float32Array(explorer.orbit.t.length * late.names.length)}); return [h, explorer.arrived.header.seq]; }"
+            "() => { const late = {...explorer.orbit.header, pose: undefined, seq: 1, to: 'orbit'}; const h = explorer.orbit.header.seq; explorer.hear(late, {t: explorer.orbit.t, status: explorer.orbit.raw, values: new Float32Array(explorer.orbit.t.length * late.names.length)}); return [h, explorer.arrived.header.seq]; }"
         )
         expect(seq[0] == seq[1], "an answer that is late is drawn over a newer one")
         listeners = tab.evaluate("listeners")
@@ -305,7 +305,7 @@ def gestures(b: Browser, shots: Path | None) -> None:
         expect(job and tab.evaluate("explorer.views.every(v => !v.id)"), "Esc does not stop a job")
         tab.keyboard.press("b")
         wait(tab, "explorer.of('basins').id && explorer.of('basins').job.header?.done", 60)
-        tab.evaluate(f"explorer.hear({{kind: 'basins', job: {job}, done: 1e9, cycles: []}}, {{}})")
+        tab.evaluate(f"explorer.hear({{kind: 'basins', job: {job}, done: 1e9, cells: 2, axes: ['y', 'v'], cycles: []}}, {{}})")
         done = tab.evaluate("explorer.of('basins').job.header.done")
         expect(done < 1e9, "frames of a job that was stopped are drawn")
         tab.keyboard.press("Escape")
