@@ -7,7 +7,8 @@ import pytest
 import sympy as sp
 from friction_oscillator import hidden, t, v, y, z
 
-from pwsmooth import Event, System, Unilateral, solve
+from pwsmooth import Event, Solution, System, Unilateral, solve
+from pwsmooth.results.records import Dense, EventRecord, Outcome
 
 START = {y: 0.5, v: 0.3, z: 0}
 AGREES = 1e-12  # sums of some twenty terms of size one, in another order
@@ -145,3 +146,21 @@ def test_the_limit_of_events_that_accumulate_is_the_last_point():
     run_out = solve(halves, (0, 3), {x: 2.0, u: 2.0}, dense_output=True)
     drawn = run_out.sample(200)
     assert drawn.t[-1] == run_out.t[-1] and np.array_equal(drawn.values[-1], run_out.x[:, -1])
+
+
+def test_what_no_step_covers_is_joined_to_its_limit():
+    # The last moments of a slip in a disc, or of an accumulation, may have no polynomial: here those from 0.9 to 1.
+    pieces = Dense(
+        np.array([0.0, 1.0]),
+        np.array([0.9, 2.0]),
+        np.array([[[2.0, -1.0]], [[5.0, -1.0]]]),
+        np.zeros((2, 0, 2)),
+    )
+    t, values = [0, 1, 1, 2], np.array([[2.0, 1.0, 5.0, 4.0]])
+    jump = Solution(
+        System({x: -1}), t, values, np.zeros((0, 4)), np.zeros((0, 4)), [EventRecord(1.0, "event 1", "reset")],
+        pieces, Outcome.FINISHED, {}, {}, [], {},
+    )  # fmt: skip
+    drawn = jump.sample(6)
+    assert drawn.t.tolist() == [0, 0.45, 0.9, 1, 1, 1.5, 2]
+    np.testing.assert_allclose(drawn["x"], [2, 1.55, 1.1, 1, 5, 4.5, 4], rtol=1e-15)

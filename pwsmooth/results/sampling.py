@@ -92,38 +92,44 @@ def sampled(
     times, course = solution.course or (solution.t, solution.status)
     step, t, rows = solution.dense._placed(points, times[-1], wanted)
     status = course[:, np.searchsorted(times, t[:, 0], side="right") - 1]
+    starts = np.append(t[1:, 0], times[-1])[: len(t)]  # of the next steps, which t(s) may miss by a rounding
+    t = np.minimum(t, starts[:, None])
 
     # A step ends where the next one begins, but for events.
     fixed, kept = np.zeros(t.shape, bool), np.ones(t.shape, bool)
     fixed[:1, 0] = True
     fixed[:, -1] = kept[:, -1] = held = _events_at_ends(solution, t, status)
     fixed[1:, 0] = held[:-1]
+    both, added = (
+        np.concatenate([solution.x, solution.mult]),
+        [],
+    )  # places between the points, and columns there
     if not solution.course:
         # The run has kept the limits there: the direction of a disc that comes to rest is 0/0 of the polynomials.
-        ends, starts = t[:, -1], np.append(t[1:, 0], times[-1])
-        ends = np.where(np.abs(starts - ends) > _near(starts), ends, starts)
-        column = np.minimum(np.searchsorted(solution.t, ends), len(solution.t) - 1)
-        at = np.flatnonzero(held & (solution.t[column] == ends))
-        t[at, -1] = ends[at]
-        rows[:, at, -1] = np.concatenate([solution.x, solution.mult])[np.ix_(wanted, column[at])]
+        column = np.minimum(np.searchsorted(solution.t, starts), len(solution.t) - 1)
+        found, gap = held & (solution.t[column] == starts), starts - t[:, -1] > _near(starts)
+        at = np.flatnonzero(found & ~gap)
+        t[at, -1], rows[:, at, -1] = starts[at], both[np.ix_(wanted, column[at])]
+        # What is passed, as the end of an accumulation is, has no step.
+        passed = np.flatnonzero(found & gap & (column < len(solution.t) - 1))
+        added = list(zip(np.cumsum(kept.sum(axis=1))[passed].tolist(), column[passed].tolist()))
     which = np.repeat(np.arange(len(t)), t.shape[1]).reshape(t.shape)[kept]
-    t, fixed, rows = np.minimum(np.maximum.accumulate(t[kept]), times[-1]), fixed[kept], rows[:, kept]
+    t, fixed, rows = np.maximum.accumulate(t[kept]), fixed[kept], rows[:, kept]
     step, statuses = step[which], status[:, which]
 
-    first, last = solution.t[0], solution.t[-1]
+    last = solution.t[-1]
     if solution.course:  # of a run that was asked for times, from the first to the last of them
-        some = (first < t) & (t < last)
+        some = (solution.t[0] < t) & (t < last)
         t, fixed, rows, step, statuses = t[some], fixed[some], rows[:, some], step[some], statuses[:, some]
-    # The last event acts where no step begins; the limit of an accumulation lies behind the last one.
-    behind = not len(t) or t[-1] < last or solution.t[-2] == last
-    for at, missing in ((0, solution.course), (-1, solution.course or behind)):
-        if missing:
-            place = 0 if at == 0 else len(t)
-            column = np.concatenate([solution.x[:, at], solution.mult[:, at]])[wanted]
-            t, fixed = np.insert(t, place, solution.t[at]), np.insert(fixed, place, True)
-            step = np.insert(step, place, step[at] if len(step) else 0)
-            rows = np.insert(rows, place, column, axis=1)
-            statuses = np.insert(statuses, place, solution.status[:, at], axis=1)
+        added = [(0, 0), (len(t), -1)]
+    elif not len(t) or t[-1] < last or solution.t[-2] == last:  # the last event acts where no step begins
+        added.append((len(t), -1))
+    if added:
+        places, columns = np.array(added).T
+        step = np.insert(step, places, step[np.maximum(places - 1, 0)] if len(step) else 0)
+        t, fixed = np.insert(t, places, solution.t[columns]), np.insert(fixed, places, True)
+        rows = np.insert(rows, places, both[np.ix_(wanted, columns)], axis=1)
+        statuses = np.insert(statuses, places, solution.status[:, columns], axis=1)
     if any(computed):
         x, mult = np.split(rows, [len(solution.states)])
         rows = np.array([solution._lookup(name, t, x, mult) for name in names])
@@ -140,7 +146,6 @@ def _events_at_ends(solution: Any, t: np.ndarray, status: np.ndarray) -> np.ndar
     log = solution.events
     when = log.times if isinstance(log, EventLog) else np.array([event.time for event in log])
     ends, starts = t[:-1, -1], t[1:, 0]
-    # What is passed, as an accumulation is, has no step.
     gap = starts - ends > _near(starts)
     held = gap | (status[:, 1:] != status[:, :-1]).any(axis=0) | np.isin(starts, when) | np.isin(ends, when)
     return np.append(held, True)[: len(t)]

@@ -174,10 +174,10 @@ class Solution(Described):
         """The lowered model of the view that was solved."""
         return self.system.model
 
-    @property
+    @functools.cached_property
     def states(self) -> tuple[str, ...]:
         """Names of the states, memories last."""
-        return tuple(str(s) for s in self.model.states)
+        return tuple(s.name for s in self.model.states)
 
     @functools.cached_property
     def _shown(self) -> tuple[str, ...]:
@@ -186,10 +186,10 @@ class Solution(Described):
         pieces = sum(len(u._memories) for u in getattr(self.system, "_controls", ()))
         return self.states[: len(self.states) - cells - pieces]
 
-    @property
+    @functools.cached_property
     def multipliers(self) -> tuple[str, ...]:
         """Names of the multipliers: switches, contact forces, algebraic unknowns."""
-        return tuple(str(m.symbol) for m in self.model.multipliers)
+        return tuple(m.symbol.name for m in self.model.multipliers)
 
     @property
     def outputs(self) -> tuple[str, ...]:

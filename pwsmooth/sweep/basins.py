@@ -286,7 +286,7 @@ def refine_basins(
     budget : float, s, optional
         Of processor time, after which no further chunk begins.
     **options
-        rtol, atol, method, order, max_step, max_steps of `solve`.
+        rtol, atol, method, max_step, max_steps of `solve`.
 
     Returns
     -------
