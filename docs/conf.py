@@ -45,6 +45,7 @@ extensions = [
     "offline_math",
     "names",
     "source_pages",
+    "explorer_pages",
     "generated",
 ]
 # docs/auto is written at build time (docs/_ext, sphinx-gallery); its .ipynb and .py are downloads, not pages.

@@ -40,6 +40,7 @@ _HOME = {
     "lyapunov_exponents": "analysis.lyapunov",
     "basins": "sweep.basins",
     "orbit_diagram": "sweep.basins",
+    "explore": "explore",
     "Solution": "results.solution",
     "Outcome": "results.records",
 }

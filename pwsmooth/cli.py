@@ -223,6 +223,38 @@ def diagram(
 
 
 @app.command()
+def explore(
+    what: Annotated[
+        str,
+        typer.Argument(
+            help="A scene (--list), a STUDY.toml, or file.py:name, a scene in a file, which is run."
+        ),
+    ] = "",
+    law: Annotated[str | None, typer.Option(help="Law of the scene, such as LuGre.")] = None,
+    preset: Annotated[str | None, typer.Option(help="A state worth a look (--list).")] = None,
+    state: Annotated[str, typer.Option(help="What `Copy link` of a page gave.")] = "",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="On 127.0.0.1; any that is free without.")] = 0,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page.")] = True,
+    allow_code: Annotated[
+        bool, typer.Option("--allow-code", help="Let a study run code: 'file.py:name', a file beside it.")
+    ] = False,
+    list_only: Annotated[bool, typer.Option("--list", help="List scenes and presets, and leave.")] = False,
+) -> None:
+    """A page on which a system answers while a slider moves: orbit, phase plane, layer, orbit diagram, basins.
+
+    It is served on this machine alone, to whoever has the printed address, until Ctrl-C. Needs the extra:
+    pip install 'pwsmooth\\[explore]'.
+    """
+    with _in_words("explore"):
+        from pwsmooth.explore import opening
+
+        if list_only:
+            typer.echo(opening.listing())
+            return
+        opening.command(what, law, preset, state, port, browser, allow_code, typer.echo)
+
+
+@app.command()
 def warmup() -> None:
     """Compile the whole numerical core now, on all cores, instead of each part when it is first needed.
 

@@ -120,6 +120,15 @@ assert np.abs(force - 16 / 9).max() < 1e-9 and len(ends) > 70
 # sphinx_gallery_end_ignore
 
 # %%
+# The layer at every instant of the motion, for other strengths of the hidden term: drag the
+# line in the time series, and see the roots meet where a stick ends.
+#
+# .. explorer:: fold
+#    :over: rho=0.2..6/30
+#    :views: time, layer, characteristic
+#    :height: 780
+
+# %%
 # How fast does static friction build up?
 # ---------------------------------------
 # So far the hidden term acted at once. If it takes a time :math:`\beta` to build up, it is a

@@ -64,6 +64,16 @@ panels[1].set_title("How often")
 plt.show()
 
 # %%
+# A sweep over one parameter that keeps the strobes is an orbit diagram. Move the slider, or
+# click in the diagram, and see the orbit that it is made of.
+#
+# .. explorer:: figure-8
+#    :over: rho=0.2..8/40
+#    :views: time, phase
+#    :diagram:
+#    :height: 800
+
+# %%
 # Everything that xarray can do can be done with it: here, which itineraries there are, and how
 # many points have each.
 words, counts = np.unique(found.itinerary.values, return_counts=True)

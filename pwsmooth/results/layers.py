@@ -66,13 +66,11 @@ def layer_of(solution: Any, switch: Any, t: float | None) -> Layer:
     before, after = (float(solution.mult[j, column]) for column in (max(first - (first == last), 0), last))
     lam = np.linspace(-1, 1, _POINTS)
     fast = [s for s in model.layer_states if s.ratio != sp.oo]
-    p = [solution.parameters[str(s)] for s in model.parameters]
 
     def over(expression: sp.Expr, lam: np.ndarray, z: Any = None) -> np.ndarray:
-        mult = [lam if i == j else value for i, value in enumerate(solution.mult[:, first])]
-        free, values = ((), ()) if z is None else ((fast[0].symbol,), (z,))
-        found = vectorised(model, expression, free)(time, *solution.x[:, last], *mult, *p, *values)
-        return np.array(np.broadcast_to(found, np.shape(lam)), float)
+        free = {} if z is None else {fast[0].symbol: z}
+        x, mult = solution.x[:, last], solution.mult[:, first]
+        return field_over(model, expression, j, time, x, mult, solution.parameters, lam, free)
 
     g = over(model.multipliers[j].residual, lam)
     if len(fast) != 1:
@@ -87,3 +85,18 @@ def layer_of(solution: Any, switch: Any, t: float | None) -> Layer:
     return Layer(
         name, time, lam, g, before, after, str(state.symbol), z, dlam, over(state.ratio * state.rate, lams, zs)
     )
+
+
+def field_over(
+    model: Any, expression: sp.Expr, j: int, time: float, x: Any, mult: Any, parameters: Any, lam: np.ndarray,
+    free: Any = None,
+) -> np.ndarray:  # fmt: skip
+    """An expression of the model over multiplier j, all else as it is at one instant; shape of `lam`.
+
+    `parameters`: name -> value; `free`: values of further symbols, over `lam` too.
+    """
+    at = [lam if i == j else value for i, value in enumerate(mult)]
+    p = [parameters[str(s)] for s in model.parameters]
+    free = free or {}
+    found = vectorised(model, expression, tuple(free))(time, *x, *at, *p, *free.values())
+    return np.array(np.broadcast_to(found, np.shape(lam)), float)

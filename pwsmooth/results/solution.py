@@ -669,7 +669,7 @@ class Solution(Described):
         Returns
         -------
         FuncAnimation
-            Of matplotlib; in a notebook ``IPython.display.HTML(film.to_jshtml())`` shows it.
+            Of matplotlib; its ``to_jshtml()`` is what a notebook shows.
 
         Raises
         ------

@@ -7,7 +7,8 @@ Chain: **sketch** -> sketches.py (those of the scenes) -> Scene; pwsmooth/films.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import functools
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
@@ -436,7 +437,8 @@ class Sketch:
         }
 
 
-def _places(shape: Shape, names: Sequence[str]) -> Any:
+@functools.lru_cache(maxsize=256)  # a page asks for the same shapes at every move
+def _places(shape: Shape, names: tuple[str, ...]) -> Any:
     """A function of what the formulas depend on, by name, for the places of a shape."""
     formulas = sp.Tuple(*(getattr(shape, place) for place in shape.places))
     by_name: Mapping[str, sp.Symbol] = {name: sp.Symbol(name, real=True) for name in names}

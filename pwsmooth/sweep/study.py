@@ -20,7 +20,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, Validatio
 from ..analysis.sections import LONGEST
 from ..definition import checks
 
-_HELPERS = ("assemble", "grazing_amplitude")  # functions among the scenes that make none
+_HELPERS = ("assemble", "chain_of_blocks", "grazing_amplitude")  # functions among the scenes that make none
 
 
 class StudyError(ValueError):
@@ -231,16 +231,12 @@ def system_of(table: SystemTable, names: Names) -> Any:
         if callable(system) and not hasattr(system, "model"):
             system = _call(system, table.arguments, "system.arguments")
     else:
-        from .. import scenes
-
-        known = {
-            n: f for n in scenes.__all__ if inspect.isfunction(f := getattr(scenes, n)) and n not in _HELPERS
-        }
+        known = known_scenes()
         if table.scene not in known:
             raise StudyError(f"system.scene is {table.scene!r}; scenes are {', '.join(known)}.")
         arguments = dict(table.arguments)
         if table.law is not None:
-            arguments["law"] = _call(_law(table.law), table.law_parameters, "system.law_parameters")
+            arguments["law"] = _call(law_of(table.law), table.law_parameters, "system.law_parameters")
         system = _call(known[table.scene], arguments, "system.arguments")
     return _viewed(system, table)
 
@@ -261,7 +257,15 @@ def _viewed(system: Any, table: SystemTable) -> Any:
     return replace(system, system=bare) if bare is not system and hasattr(system, "start") else bare
 
 
-def _law(name: str) -> Any:
+def known_scenes() -> dict[str, Any]:
+    """Name -> function of every scene of the package."""
+    from .. import scenes
+
+    return {n: f for n in scenes.__all__ if inspect.isfunction(f := getattr(scenes, n)) and n not in _HELPERS}
+
+
+def law_of(name: str) -> Any:
+    """The law of that name, a class; StudyError if there is none."""
     from ..laws import Law, contact, friction
 
     found = {n: getattr(module, n) for module in (friction, contact) for n in module.__all__}

@@ -38,6 +38,7 @@ import pwsmooth
 from pwsmooth import Diffusion, Event, Family, Kicks, Switch, System, costs, scenes, solve
 from pwsmooth.analysis import sections, sticking
 from pwsmooth.derivatives import NoDerivative
+from pwsmooth.explore import opening
 from pwsmooth.fit import Record, fit
 from pwsmooth.laws import Joint, contact, friction
 from pwsmooth.scenes import sketch
@@ -158,6 +159,7 @@ def subjects():
     start = {"x": 1.0, "v": 0.1}
     short = {"max_steps": 3000}
     smooth = system.smoothed(1e-2)
+    opening.serve = lambda explorer: None  # show=True is a value: no page is opened while doors are tried
     run = solve(system, (0, 3), start, dense_output=True)
     scene = scenes.friction_oscillator(friction.Coulomb(), t_span=(0, 1))
     orbit = pwsmooth.find_orbit(system, start, period=drive, transient=20)
@@ -197,6 +199,9 @@ def subjects():
             rates={x: v, v: -k * x}, time=t, parameters={k: 1}, outputs={"a": x}, events=[Event(x - 9)]
         ),
         "HiddenTerm": None,
+        "explore": dict(
+            system_or_scene=system, x0=start, t_span=(0, 3), period=drive, ranges={k: (1, 2)}, show=False
+        ),
         "Solution": None,
         "Outcome": None,
         "Switch": dict(name="lam", surface=v),

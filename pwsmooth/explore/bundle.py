@@ -1,0 +1,27 @@
+"""The page's module and style as two texts, for a widget and for files that stand alone."""
+
+from __future__ import annotations
+
+import importlib.resources
+import re
+
+NARROW = 760  # px, below which the page has the layout of a phone
+_PARTS = ("plot.js", "views.js", "explorer.js")
+
+
+def static(name: str) -> bytes:
+    """A file of the page."""
+    return importlib.resources.files(__package__).joinpath("static", name).read_bytes()
+
+
+def module(narrow: int = NARROW) -> str:
+    """The three parts as one ES module, which exports nothing: `mount` and `unpack` are names in it."""
+    texts = (static(name).decode() for name in _PARTS)
+    text = "\n".join(re.sub(r"^import .*\n|^export (?=\w)", "", text, flags=re.M) for text in texts)
+    return text.replace(f"{NARROW - 1}px", f"{narrow - 1}px")
+
+
+def style(narrow: int = NARROW) -> str:
+    """The style sheet, with the layout of a phone below `narrow` pixels."""
+    text = static("style.css").decode()
+    return text.replace(f"{NARROW - 1}px", f"{narrow - 1}px").replace(f"{NARROW}px", f"{narrow}px")

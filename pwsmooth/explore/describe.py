@@ -1,0 +1,177 @@
+"""Controls and views of a subject, as data: what the page needs to know before its first orbit."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from .. import plotting
+from ..definition.model import Model
+from .subject import Subject
+
+#: What a page may ask of a process; `each` within a factor of 10 by the page.
+LIMITS = {"span": 1000.0, "periods": 500, "steps": 200_000, "seconds": 2.0, "columns": 2000, "points": 1000,
+          "cells": 600, "job": 600.0}  # fmt: skip
+MOST = 100  # states, of which all are listed; of more these first ones
+
+
+def describe(subject: Subject, solution: Any = None) -> dict[str, Any]:
+    """Title, names, sliders, views with why those that are not there are not, colours: JSON.
+
+    With a first solution the ranges of the states are those that its motion suggests.
+    """
+    system, model = subject.system, subject.system.model
+    states = [s.name for s in model.states[: len(model.states) - model.n_memory]][:MOST]
+    multipliers = [str(m.symbol) for m in model.multipliers if m.kind != "component"][:MOST]
+    outputs = [str(name) for name, _ in model.outputs] if model.families is None else []
+    units = {**subject.units}
+    return {
+        "title": subject.name,
+        "note": subject.note,
+        "view": str(system._view.title) if system._view else "",
+        "time": str(model.time or "t"),
+        "states": states,
+        "multipliers": multipliers,
+        "outputs": outputs,
+        "units": {name: unit for name, unit in units.items() if unit != "1"},
+        "start": {name: subject.start[name] for name in states},
+        "t_span": list(subject.t_span),
+        "period": subject.period_at({}),
+        "axes": {name: _reach(subject.start[name], k, solution) for k, name in enumerate(states)},
+        "controls": controls(subject),
+        "names": (states + outputs)[:2],
+        "phase": _phase(states, outputs),
+        "characteristic": characteristic(model),
+        "switches": switches(model),
+        "hidden": _has_hidden(system),
+        "map": _map(subject, states),
+        "sketch": None if subject.sketch is None else {
+            "shapes": subject.sketch.describe(), "bounds": subject.sketch.bounds, "note": subject.sketch.note,
+        },
+        "views": list(subject.views),
+        "command": subject.command or "pwsmooth explore SCENE",
+        "colours": {
+            "right": plotting.COLOUR["right"], "left": plotting.COLOUR["left"], "stick": plotting.COLOUR["stick"],
+            "line": plotting.COLOUR["mark"], "fast": plotting.COLOUR["fast"],
+            # Right, left and stick are phases here: basins take the others first.
+            "basins": [plotting.COLOUR[k] for k in ("smoothed", "approximation", "fast", "velocity", "no events",
+                                                    "with events", "stick")],
+        },
+        "limits": LIMITS,
+    }  # fmt: skip
+
+
+def _phase(states: list[str], outputs: list[str]) -> list[str]:
+    """The two names of the phase plane; none where there is one name only."""
+    names = [*states, *outputs]
+    return names[:2] if len(names) > 1 else []
+
+
+def characteristic(model: Model) -> list[str]:
+    """(slip velocity, force): the surface of a switch, "h:lam" where it is no state, and an output of it."""
+    if model.families is not None:
+        return []
+    moving = [m for m in model.multipliers if _moves(model, m)]
+    found = sorted(moving, key=lambda m: not _can_slide(model, m))
+    forces = {str(n): sp.sympify(e).free_symbols for n, e in model.outputs}
+    for m in found:
+        slip = str(m.surface) if m.surface in model.states else f"h:{m.symbol}"
+        named = [n for n, symbols in forces.items() if n in ("friction", "force") or m.symbol in symbols]
+        if named and (m.surface in model.states or named[0] in ("friction", "force")):
+            return [slip, named[0]]
+        if m.surface in model.states:
+            return [slip, str(m.symbol)]
+    return []
+
+
+def switches(model: Model) -> list[str]:
+    """Names of the switches whose layer can be opened."""
+    if model.families is not None:
+        return []
+    return [str(m.symbol) for m in model.multipliers if _can_slide(model, m)]
+
+
+def _can_slide(model: Model, m: Any) -> bool:
+    """Whether it is a switch with a layer: its surface moves with the states, and its dh/dt depends on it."""
+    return _moves(model, m) and m.regularity == "sliding" and m.symbol in m.residual.free_symbols
+
+
+def _moves(model: Model, m: Any) -> bool:
+    """Whether it is a switch whose surface is one of states."""
+    return m.kind == "switch" and bool(m.surface.free_symbols & set(model.states))
+
+
+def _has_hidden(system: Any) -> bool:
+    return system.model.families is None and bool(system.hidden_terms)
+
+
+def _map(subject: Subject, states: list[str]) -> dict[str, Any]:
+    """Whether orbit diagram, basins and section are offered; else why not."""
+    controlled = [str(p) for p in subject.system.parameters]
+    known = {
+        "ok": subject.period is not None, "why": "",
+        "parameter": next((n for n in (*subject.ranges, *controlled) if n in controlled), None),
+        "basins": len(states) > 1, "sections": states if subject.period is None else [],
+    }  # fmt: skip
+    if subject.system.model.smoothing:
+        why = "a smoothed view runs on the stiff path, too slowly for a map that grows"
+        return known | {"ok": False, "why": why, "sections": []}
+    if subject.period is None:
+        known["why"] = "no period: this system is not driven periodically, so that there are no strobes"
+    return known
+
+
+def _reach(start: float, k: int, solution: Any) -> list[float]:
+    """A range of state k for sliders and basins: half as far again as the motion, in round numbers."""
+    row = np.array([start]) if solution is None else np.append(solution.x[k][np.isfinite(solution.x[k])], start)
+    most = 1.3 * float(np.abs(row).max()) or 1.0
+    power = 10.0 ** math.floor(math.log10(most))
+    reach = next(
+        float(f"{r * power:.3g}") for r in (1, 1.5, 2, 2.5, 3, 4, 5, 8, 10) if r * power >= 0.999 * most
+    )
+    return [-reach, reach]
+
+
+def controls(subject: Subject) -> list[dict[str, Any]]:
+    """A slider for every parameter; one for the members of a family where they have one value."""
+    system = subject.system
+    values = {p.name: (p, float(v)) for p, v in system.parameters.items()}
+    taken: set[str] = set()
+    found = []
+    for name, members in system.groups.items():
+        inside = [m for m in members if m in values]
+        if len(inside) > 1 and len({values[m][1] for m in inside}) == 1:
+            found.append(_control(subject, name, *values[inside[0]]) | {"each": len(inside)})
+            taken |= set(inside)
+    found += [_control(subject, name, p, v) for name, (p, v) in values.items() if name not in taken]
+    order = list(values)
+    return sorted(found, key=lambda c: order.index(c["name"]) if c["name"] in order else 0)
+
+
+def _control(subject: Subject, name: str, symbol: Any, value: float) -> dict[str, Any]:
+    low, high, log = _range(symbol, value)
+    if name in subject.ranges:
+        low, high = subject.ranges[name]
+        log = log and low > 0 and high / low > 30
+    base = name.partition("_")[0]
+    return {
+        "name": name, "value": value, "min": low, "max": high, "log": log,
+        "unit": subject.units.get(name, "") if subject.units.get(name) != "1" else "",
+        "meaning": subject.meanings.get(name, subject.meanings.get(base, "")),
+        "sign": "positive" if symbol.is_positive else "nonnegative" if symbol.is_nonnegative else "real",
+    }  # fmt: skip
+
+
+def _range(symbol: Any, value: float) -> tuple[float, float, bool]:
+    """(lowest, highest, whether logarithmic) of a slider, by the symbol's assumptions and the value's size."""
+    if symbol.is_positive:
+        if value / 10 > 0.05 or value / 10 < 1e-3:
+            return value / 100, 100 * value, True
+        return value / 1000, 2 * value, False
+    if symbol.is_nonnegative:
+        return 0.0, 2 * value if value else 1.0, False
+    reach = max(1.0, abs(value))
+    return value - reach, value + reach, False

@@ -1,0 +1,284 @@
+"""The orbit of a state, the layer at its cursor, and a sentence about it: what the sliders' process computes."""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from ..definition import checks
+from ..definition.lambdified import numpy_function
+from ..definition.model import Model
+from ..results.layers import field_over
+from ..results.outputs import vectorised
+from ..results.sampling import Sampled
+from ..results.solution import Solution
+from ..sweep.contract import Window
+from ..sweep.of_solution import strobes
+from ..sweep.periodicity import Period
+from .describe import LIMITS, switches
+from .subject import Subject
+
+POINTS = 6000  # of a picture
+_TICKS = 400  # events that are sent: more are no ticks but a shade
+_LAM = np.linspace(-1, 1, 161)
+_POSES = 1200  # points of the mechanism's motion
+_LONGEST = 16  # periods of an orbit that a sentence names
+
+Answer = tuple[dict[str, Any], dict[str, np.ndarray]]
+
+
+class Refused(ValueError):
+    """What the page sent is no state of this system; the text says why."""
+
+
+class Live:
+    """Answers for one page; keeps the last solution, of which layers and sentences are asked."""
+
+    def __init__(self, subject: Subject) -> None:
+        self.subject = subject
+        self.solution: Solution | None = None
+        self.period: float | None = None
+        self._slaved: Any = None
+
+    def orbit(self, asked: Mapping[str, Any]) -> Answer:
+        """The orbit of `p`, `x0`, `t_span`, sampled for drawing in the `names`; a refusal has its sentence."""
+        begun = time.perf_counter()
+        try:
+            p, x0, span = state_of(self.subject, asked)
+            names = [str(n) for n in checks.several(asked.get("names", ()), "`names`")]
+            solution = self.subject.solve(span, x0, p, max_steps=LIMITS["steps"], max_seconds=LIMITS["seconds"])
+            self.period = self.subject.period_at(p)
+            solved = time.perf_counter()
+            self.solution = solution
+            found, values = sampled(solution, names, self.subject.sketch)
+        except (ValueError, TypeError, KeyError) as error:
+            said = str(error.args[0]) if error.args else str(error)
+            return {"kind": "refused", "why": said, **_remedies(said)}, {}
+        header = {
+            "kind": "orbit", "names": names, "t_span": [float(solution.t[0]), float(solution.t[-1])],
+            "asked": list(span), "ok": solution.success, "said": "" if solution.success else solution.message,
+            "stopped": None if solution.success else float(solution.t[-1]), "period": self.period,
+            "events": _events(solution), "held": _held(solution), "lines": _lines(solution, asked),
+            "ambiguities": [[a.time, str(a)] for a in solution.ambiguities][:20],
+            "end": {n: float(v) for n, v in zip(solution.states[:100], solution.x[:, -1])},
+            "ms": [1e3 * (solved - begun), 1e3 * (time.perf_counter() - solved)],
+        }  # fmt: skip
+        arrays = {"t": found.t, "status": found.statuses, "values": values}
+        if self.subject.sketch is not None:
+            header["pose"], poses = _posed(self.subject.sketch, solution, found)
+            arrays |= poses
+        return header, arrays
+
+    def layer(self, asked: Mapping[str, Any]) -> Answer:
+        """dh/dt over the multiplier of a switch at the time `t`, and with fast states at their equilibrium."""
+        solution, name = self.solution, str(asked.get("switch", ""))
+        if solution is None:
+            return {"kind": "refused", "why": "there is no orbit yet."}, {}
+        t = checks.number(asked.get("t"), "`t`")
+        t = min(max(t, float(solution.t[0])), float(solution.t[-1]))
+        model = solution.model
+        j = next(
+            (k for k, m in enumerate(model.multipliers) if str(m.symbol) == name and m.kind == "switch"), None
+        )
+        if j is None:
+            return {"kind": "refused", "why": f"{name!r} is no switch of this system."}, {}
+        x = solution(np.array([t]))[:, 0]
+        mult = [float(solution(t, n)) for n in solution.multipliers]
+        p = solution.parameters
+        g = field_over(model, model.multipliers[j].residual, j, t, x, mult, p, _LAM)
+        arrays = {"lam": _LAM, "g": g}
+        h = field_over(model, model.multipliers[j].surface, j, t, x, mult, p, _LAM[:1])
+        header = {"kind": "layer", "switch": name, "t": t, "now": mult[j], "roots": _roots(g), "h": float(h[0])}
+        if (slaved := self._with_fast_states()) is not None:
+            other, k = slaved.model, [str(m.symbol) for m in slaved.model.multipliers].index(name)
+            slow = [x[solution.states.index(str(s))] for s in other.states]
+            arrays["slaved"] = field_over(other, other.multipliers[k].residual, k, t, slow, mult, p, _LAM)
+            header |= {"slaved_roots": _roots(arrays["slaved"]), "fast": list(self._fast)}
+        return header, arrays
+
+    def sentence(self) -> Answer:
+        """What the orbit comes to, in words."""
+        return {"kind": "sentence", "said": said_of(self.solution, self.period) if self.solution else ""}, {}
+
+    @property
+    def _fast(self) -> tuple[str, ...]:
+        """States whose rate has a hidden term: as fast as the layer, or slower, as their time constant says."""
+        system = self.subject.system
+        if system.model.families is not None or system._view:
+            return ()
+        states = {s.name for s in system.states}
+        return tuple(dict.fromkeys(h.where for h in system.hidden_terms if h.where in states))
+
+    def _with_fast_states(self) -> Any:
+        """The view in which these sit at their equilibrium; None where there is none."""
+        if self._slaved is None:
+            try:
+                self._slaved = (
+                    self.subject.system.layered(dict.fromkeys(self._fast, sp.oo)) if self._fast else False
+                )
+            except ValueError:  # no time constant or equilibrium that is unique
+                self._slaved = False
+        return self._slaved or None
+
+
+def state_of(subject: Subject, asked: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, float], Any]:
+    """(parameters, start, span) that a page asks for; ValueError or TypeError in the system's words."""
+    p = subject.system._spread(_numbers(asked.get("p", {}), "`p`"), "`p`")
+    subject.system.with_parameters(p)
+    x0 = subject.start | _numbers(asked.get("x0", {}), "`x0`")
+    subject.system.initial_state(x0)
+    span = checks.span(asked.get("t_span", subject.t_span))
+    longest = LIMITS["span"] * max(1.0, (subject.t_span[1] - subject.t_span[0]) / 100)
+    if span[1] - span[0] > 10 * longest:
+        raise ValueError(
+            f"`t_span` is {span[1] - span[0]:g} long; {10 * longest:g} is the most that the page draws."
+        )
+    return p, x0, span
+
+
+def strobed_by(subject: Subject, asked: Mapping[str, Any]) -> dict[str, Any]:
+    """What makes the strobes of a map, as arguments: the period, or `section` = [state, direction], its zeros."""
+    if subject.period is not None:
+        return {"period": subject.period}
+    name, direction = checks.several(asked.get("section") or ("", 1), "`section`")
+    if str(name) not in [s.name for s in subject.system.states]:
+        raise ValueError("the system has no period, and no state is chosen whose zeros make a section.")
+    return {"section": str(name), "direction": checks.one_of(1, -1)(direction, "`direction`")}
+
+
+def _numbers(given: Any, what: str) -> dict[str, float]:
+    """Names to finite numbers, of which text and truth values are none."""
+    for key, value in checks.mapping(given, what).items():
+        if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
+            raise TypeError(f"{what}, value of {str(key)!r} is {checks.shown(value)}; give a number.")
+    return checks.values(given, what)
+
+
+def sampled(solution: Solution, names: list[str], sketch: Any = None) -> tuple[Sampled, np.ndarray]:
+    """Points even in each step's own variable, with what the sketch needs, and the values (names, m) at them."""
+    wanted = [n for n in names if not n.startswith("h:")]
+    if len(wanted) < len(names):
+        wanted = [*solution.states, *solution.multipliers, *wanted]
+    if sketch is not None:
+        own = (*solution.states, *solution.multipliers, *solution.outputs)
+        wanted += [n for n in sketch.names if n in own]
+    # A step of many may still be long: all get eight places then, and what shows no bend is dropped again.
+    many = len(solution.t) > POINTS // 8
+    points, chord = (min(8 * len(solution.t), 8 * POINTS), 5e-4) if many else (POINTS, None)
+    found = solution.sample(points, list(dict.fromkeys(wanted)), chord=chord)
+    rows = dict(zip(found.names, found.values.T))
+    model, p = solution.model, [solution.parameters[str(s)] for s in solution.model.parameters]
+    for m in model.multipliers:
+        if f"h:{m.symbol}" in names:
+            known = (rows[n] for n in (*solution.states, *solution.multipliers))
+            rows[f"h:{m.symbol}"] = np.broadcast_to(
+                vectorised(model, m.surface)(found.t, *known, *p), found.t.shape
+            )
+    return found, np.array([rows[n] for n in names])
+
+
+def _posed(
+    sketch: Any, solution: Solution, found: Sampled
+) -> tuple[list[dict[str, float]], dict[str, np.ndarray]]:
+    """Rows of the pose, those that stay as numbers, and the others at every few of the points."""
+    few = slice(None, None, max(1, len(found) // _POSES))
+    some = replace(
+        found, t=found.t[few], values=found.values[few], status=found.status[few], step=found.step[few],
+        statuses=found.statuses[few],
+    )  # fmt: skip
+    rows: list[dict[str, float]] = []
+    moving: list[np.ndarray] = []
+    for shape in sketch.pose(solution, some).values():
+        for row in shape:
+            if np.ptp(row) == 0:
+                rows.append({"is": float(row[0])})
+            else:
+                rows.append({"at": len(moving)})
+                moving.append(row)
+    return rows, {"pose": np.array(moving).reshape(len(moving), -1), "pose_t": some.t}
+
+
+def _events(solution: Solution) -> list[list[Any]]:
+    events = list(solution.events)
+    thin = max(1, -(-len(events) // _TICKS))
+    return [[float(e.time), e.kind, str(e.switch)] for e in events[::thin]]
+
+
+def _held(solution: Solution) -> list[list[float]]:
+    """(start, end, number of held switches or contacts) of the segments in which some are."""
+    segments = solution.segments
+    if not len(solution.mult):
+        return []
+    status = np.array([s.status for s in segments]).T
+    held, count = solution._holds(status), (status == 0).sum(axis=0)
+    return [[s.start, s.end, int(n)] for s, h, n in zip(segments, held, count) if h][: 4 * _TICKS]
+
+
+def _lines(solution: Solution, asked: Mapping[str, Any]) -> list[list[float]]:
+    """(a, b, c) of surfaces a x + b y + c = 0 that are straight lines of the phase plane."""
+    pair = tuple(str(n) for n in asked.get("phase", ()))
+    if len(pair) != 2 or solution.model.families is not None:
+        return []
+    p = [solution.parameters[str(s)] for s in solution.model.parameters]
+    return [[float(c(*p)) for c in line] for line in _straight(solution.model, pair)]
+
+
+@functools.lru_cache(maxsize=64)
+def _straight(model: Model, pair: tuple[str, ...]) -> list[list[Any]]:
+    """Functions of the parameters: coefficients of the surfaces that are straight in two states."""
+    states = {s.name: s for s in model.states}
+    if not set(pair) <= set(states) or pair[0] == pair[1]:
+        return []
+    x, y = (states[n] for n in pair)
+    found = []
+    for h in (m.surface for m in model.multipliers):
+        if h is None or h.free_symbols - {x, y, *model.parameters} or not h.is_polynomial(x, y):
+            continue
+        if (poly := sp.Poly(h, x, y)).total_degree() == 1:
+            found.append([numpy_function(model.parameters, poly.coeff_monomial(m)) for m in (x, y, 1)])
+    return found
+
+
+def _roots(g: np.ndarray) -> list[list[float]]:
+    """(lambda, 1 where attracting else 0) of the zeros of dh/dt inside (-1, 1)."""
+    g = np.asarray(g)
+    at = np.flatnonzero((g[:-1] > 0) != (g[1:] > 0))
+    lam = _LAM[at] - g[at] * (_LAM[1] - _LAM[0]) / (g[at + 1] - g[at])
+    return [[float(l), float(g[k] > 0)] for l, k in zip(lam, at)]
+
+
+def _remedies(said: str) -> dict[str, Any]:
+    return {"remedy": "layered"} if "system.layered" in said else {}
+
+
+def said_of(solution: Solution, period: float | None) -> str:
+    """A sentence: what the orbit comes to, its sticks and events."""
+    if not solution.success:
+        return f"stopped at t = {solution.t[-1]:.6g}"
+    end, begin, where = float(solution.t[-1]), float(solution.t[0]), "in all"
+    words: list[str] = []
+    if period:
+        count = int((end - begin) / period * (1 + 1e-12))
+        window = Window(end - period * np.arange(min(count, 2 * _LONGEST), -1, -1.0), True)
+        cycle = Period(_LONGEST, 1e-5).find(strobes(solution, window)) if count else 0
+        words.append(f"period {cycle}" if cycle else "not periodic within the span")
+        begin = end - cycle * period if cycle else begin
+        where = "a period" if cycle == 1 else f"in {cycle} periods" if cycle else "in all"
+    held = [h for h in _held(solution) if h[0] >= begin - 1e-9 * abs(begin)]
+    lengths = [h[1] - h[0] for h in held]
+    if lengths:
+        told = ", ".join(f"{d:.3g}" for d in lengths[:3]) + (" ..." if len(lengths) > 3 else "")
+        words.append(f"{len(lengths)} stick{'s' * (len(lengths) > 1)} {where}, of {told}")
+    elif switches(solution.model):
+        words.append("no stick")
+    count = sum(e.time >= begin for e in solution.events)
+    words.append(f"{count} event{'s' * (count != 1)}")
+    if solution.ambiguities:
+        words.append(f"{len(solution.ambiguities)} places from which it is not unique")
+    return ", ".join(words)

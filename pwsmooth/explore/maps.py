@@ -1,0 +1,180 @@
+"""Maps that grow while one watches: orbit diagram, basins, Poincare section.
+
+Each is a generator of (header, arrays) for the page, in pieces of about 50 ms of work, the first ones spread over the
+whole picture: `sweep.refine` and `refine_basins`, told piece by piece, so that a finished map is that of the package.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from ..analysis.sections import LONGEST, poincare_map
+from ..codegen.machine.workers import cores
+from ..definition import checks
+from ..sweep.basins import orbit_diagram, refine_basins
+from ..sweep.measures import Points
+from ..sweep.refining import SweepPlan, make_plan, refine, spread
+from .describe import LIMITS
+from .live import Answer, state_of, strobed_by
+from .subject import Subject
+
+_SLICE = 0.05  # s between two pieces
+_STROBES = 5000  # of a section
+_REPEATS = 1e-9  # relative to 1 + abs(x): so nearly a section's last strobes repeat, where it ends
+_COARSEST = 64  # starts that one start stands for at first, along each axis of a basin
+
+
+def _driven(
+    subject: Subject, asked: Mapping[str, Any]
+) -> tuple[Any, dict[str, float], dict[str, Any], dict[str, Any]]:
+    """(system, start, what makes its strobes, options) of a map."""
+    p, x0, _ = state_of(subject, asked)
+    strobes = strobed_by(subject, asked)
+    options = {
+        "atol": [subject.atol.get(s.name, 1e-12) for s in subject.system.states],
+        "max_steps": LIMITS["steps"],
+    }
+    return subject.system.with_parameters(p), x0, strobes, options
+
+
+class _Progress:
+    """What has been done, and since when."""
+
+    def __init__(self, of: int) -> None:
+        self.done, self.of, self.begun = 0, of, time.process_time()
+
+    def told(self, more: int) -> dict[str, Any]:
+        self.done += more
+        return {"done": self.done, "of": self.of, "cpu": time.process_time() - self.begun,
+                "finished": self.done >= self.of}  # fmt: skip
+
+
+def diagram(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
+    """Strobes over a parameter. `carry`: 0 each from the same start, 1 from left to right, -1 from right to left."""
+    system, x0, strobes, options = _driven(subject, asked)
+    name, (low, high) = str(asked["parameter"]), checks.interval(asked["range"], "`range`")
+    count = min(checks.whole(asked.get("columns", 800), "`columns`", 2), LIMITS["columns"])
+    keep = min(checks.whole(asked.get("keep", 100), "`keep`", 1), LIMITS["points"])
+    values, carry = np.linspace(low, high, count), int(asked.get("carry", 0))
+    states = [s.name for s in system.states]
+    head = {"kind": "diagram", "parameter": name, "range": [low, high], "columns": count, "names": states,
+            "keep": keep, "carry": carry}  # fmt: skip
+    progress = _Progress(count)
+    if carry:
+        for which, points in _carried(system, name, values, x0, keep, carry, options | strobes):
+            yield head | progress.told(len(which)), _columns(which, points)
+        return
+    plan = make_plan(
+        system, {name: values.tolist()}, start=x0, transient=100, periods=keep,
+        measures=[Points(*states, last=keep)], **options, **strobes,
+    )  # fmt: skip
+    for which, found in _paced(plan):
+        points = np.stack([found[f"{state}_points"] for state in states], axis=-1)
+        yield head | progress.told(len(which)), _columns(which, points)
+
+
+def _paced(plan: SweepPlan) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
+    """`refine`, whose first chunk has 40 points; of slow orbits, as the first one shows, fewer at a time."""
+    order, workers, begun = spread(plan.shape).tolist(), max(1, cores() - 1), time.perf_counter()
+    ((which, found),) = refine(plan, order[:1])
+    each = time.perf_counter() - begun
+    if 40 * each < 1:
+        for more, values in refine(plan, order[1:], workers=workers):
+            yield np.append(which, more), {n: np.concatenate([found[n], v]) for n, v in values.items()}
+            which, found = which[:0], {n: v[:0] for n, v in found.items()}
+        return
+    yield which, found
+    size, done = max(1, int(_SLICE / each)), 1
+    while done < len(order):
+        yield from refine(plan, order[done : done + size])
+        done += size
+
+
+def _carried(
+    system: Any, name: str, values: np.ndarray, x0: Mapping[str, float], keep: int, way: int,
+    options: Mapping[str, Any],
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:  # fmt: skip
+    """Columns, each from where its neighbour ended: hysteresis shows where the two ways differ."""
+    order, done, size = np.arange(len(values))[::way], 0, 1
+    start: Any = dict(x0)
+    while done < len(order):
+        which, begun = order[done : done + size], time.perf_counter()
+        found = orbit_diagram(
+            system, name, values[which].tolist(), start, transient=100, keep=keep, carry=True, **options
+        )
+        done += len(which)
+        size = max(1, min(2 * size, int(len(which) * _SLICE / (time.perf_counter() - begun))))
+        last = found.points[:, -1][np.isfinite(found.points[:, -1]).all(axis=1)]
+        start = dict(zip(found.states, last[-1].tolist())) if len(last) else start
+        yield which, found.points
+
+
+def _columns(which: np.ndarray, points: np.ndarray) -> dict[str, np.ndarray]:
+    return {"column": which.astype(np.int32), "points": points, "last": points[:, -1]}
+
+
+def section(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
+    """Strobes of the current orbit, ever more of them, until they repeat."""
+    system, x0, strobes, _ = _driven(subject, asked)
+    by = {"period": None, "section": None, "direction": 1} | strobes
+    strobe = poincare_map(system, by["period"], by["section"], by["direction"], LONGEST, {})
+    names = [s.name for s in system.states]
+    last, progress, size = np.array([[x0[n] for n in names]]), _Progress(_STROBES), 8
+    while True:
+        begun = time.perf_counter()
+        points = strobe.iterate(last[-1], size + 1)[1:]
+        points = points[np.isfinite(points).all(axis=1)]
+        told = {"kind": "section", "names": names} | progress.told(len(points))
+        tail = points[-32:]
+        cycles = (tail[c:] - tail[:-c] for c in range(1, 9) if len(tail) == 32)
+        repeats = any(bool((np.abs(off) <= _REPEATS * (1 + np.abs(tail).max(axis=0))).all()) for off in cycles)
+        told["finished"] |= repeats or len(points) < size
+        yield (
+            told | {"repeats": repeats},
+            {"points": np.concatenate([last, points]) if len(last) == 1 else points},
+        )
+        if told["finished"]:
+            return
+        last = points
+        size = int(np.clip(size * _SLICE / (time.perf_counter() - begun), 32, 4 * size + 32))
+
+
+def basins(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
+    """The attractor that each start of a grid over two states comes to; labels as of the package, 3 added."""
+    system, x0, strobes, options = _driven(subject, asked)
+    axes = [str(n) for n in checks.several(asked["axes"], "`axes`")]
+    ranges = [checks.interval(r, "`ranges`") for r in checks.several(asked["ranges"], "`ranges`")]
+    if not len(axes) == len(ranges) == len(set(axes)) == 2:
+        raise ValueError(
+            f"`axes` are {checks.listing(axes)}; a basin is drawn over two states, with two ranges."
+        )
+    n = min(checks.whole(asked.get("cells", 300), "`cells`", 2), LIMITS["cells"])
+    grid = {name: np.linspace(low, high, n).tolist() for name, (low, high) in zip(axes, ranges)}
+    rest = {name: value for name, value in x0.items() if name not in axes}
+    head = {"kind": "basins", "axes": axes, "ranges": ranges, "cells": n}
+    counts, progress = np.zeros(256, int), _Progress(n * n)
+    for which, labels, attractors in refine_basins(system, grid, start=rest, **options, **strobes):
+        column, row = which // n, which % n
+        lowest = (column | row) & -(column | row)
+        counts += np.bincount(labels + 3, minlength=256)[:256]
+        yield head | progress.told(len(which)) | {
+            "failed": int(counts[1]), "unsettled": int(counts[2]),
+            "cycles": [_told(orbit, int(k)) for orbit, k in zip(attractors, counts[3:])],
+        }, {
+            "cell": (row * n + column).astype(np.int32), "label": (labels + 3).astype(np.uint8),
+            "step": np.where(lowest == 0, _COARSEST, np.minimum(lowest, _COARSEST)).astype(np.uint8),
+        }  # fmt: skip
+
+
+def _told(orbit: Any, cells: int) -> dict[str, Any]:
+    return {
+        "period": orbit.map.count, "time": float(orbit.period), "x": [float(v) for v in orbit.x], "cells": cells,
+        "multipliers": [[float(m.real), float(m.imag)] for m in orbit.multipliers[:4]],
+    }  # fmt: skip
+
+
+JOBS = {"diagram": diagram, "basins": basins, "section": section}

@@ -1,0 +1,239 @@
+"""explore(): a page from a script, a widget in a notebook; and what both give back."""
+
+from __future__ import annotations
+
+import asyncio
+import importlib.util
+import re
+import sys
+import webbrowser
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ..definition import checks
+from ..results.files import write_whole
+from ..results.solution import Solution
+from .code import figure, script
+from .describe import describe
+from .export import standalone
+from .live import state_of
+from .presets import PRESETS, preset_of, subject_of_preset, with_preset, with_ranges
+from .subject import USUAL, Subject, named_subject, subject_of, subject_of_study
+
+__all__ = ["explore"]
+
+
+class Explorer:
+    """What is explored, with the state of its page.
+
+    Attributes
+    ----------
+    subject : Subject
+        The system, its start, span and words.
+    """
+
+    def __init__(self, subject: Subject, shown: Mapping[str, Any] | None = None) -> None:
+        self.subject = subject
+        self._server: Any = None
+        self._state: dict[str, Any] = dict(shown or {})
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """Parameters `p`, start `x0` and `t_span` that the page shows, as names and numbers."""
+        latest = self._server.state if self._server is not None else {}
+        known = describe(self.subject)
+        shown = {k: known[k] for k in ("names", "phase", "characteristic")}
+        shown["switch"] = next(iter(known["switches"]), "")
+        asked = {
+            **shown,
+            **self._state,
+            **{k: latest[k] for k in ("p", "x0", "t_span", "names", "phase") if k in latest},
+        }
+        p, x0, span = state_of(self.subject, asked)
+        return {**asked, "p": p, "x0": x0, "t_span": span}
+
+    @property
+    def solution(self) -> Solution:
+        """The orbit of that state."""
+        state = self.state
+        return self.subject.solve(state["t_span"], state["x0"], state["p"])
+
+    def code(self, view: str = "time") -> str:
+        """A script that gives the same numbers, with the plot of a view."""
+        return script(self.subject, {**self.state, "for": view})
+
+    def save(self, path: Any, view: str = "time") -> None:
+        """A figure of a view of the state, in the house style: PNG, PDF or SVG, as the name ends."""
+        path = checks.path(path, "`path`")
+        ending = path.suffix.removeprefix(".").lower()
+        write_whole(path, figure(self.subject, {**self.state, "for": view, "format": ending}))
+
+    def export(self, path: Any, over: Mapping[Any, Any], *, views: Any = None, diagram: bool = False) -> None:
+        """One HTML file without Python: a slider over these values of a parameter, with the state's other numbers."""
+        path = checks.path(path, "`path`")
+        state = {k: v for k, v in self.state.items() if k in ("p", "x0", "t_span")}
+        text = standalone(self.subject, over, views=views, diagram=diagram, state=state)
+        write_whole(path, text.encode())
+
+    def open(self) -> str:
+        """Serve a page of its own, beside whatever runs; returns its address."""
+        need_websockets()
+        from .server import Server
+
+        if self._server is None:
+            self._server = Server(self.subject)
+            self._server.start()
+        return self._server.url
+
+    def close(self) -> None:
+        """End that page's server and processes."""
+        if self._server is not None:
+            self._state = self.state
+            self._server.stop()
+            self._server = None
+
+
+def explore(
+    system_or_scene: Any,
+    x0: Any = None,
+    *,
+    t_span: Sequence[float] | None = None,
+    period: Any = None,
+    ranges: Mapping[Any, Sequence[float]] | None = None,
+    views: Sequence[str] | None = None,
+    preset: str | None = None,
+    show: bool = True,
+) -> Any:
+    """Open a page on which the system answers while a slider moves; Ctrl-C ends it.
+
+    Parameters
+    ----------
+    system_or_scene : System or Scene
+        A System alone needs `x0` and `t_span`.
+    x0 : mapping of state to float, or sequence of float, length n, optional
+        Start, in the units of the states.
+    t_span : (float, float), in the unit of the model's time, optional
+        Span of the orbit.
+    period : float or Expr, in the unit of the model's time, optional
+        Of the drive: with it orbit diagram, basins and section are offered.
+    ranges : mapping of parameter to (float, float), optional
+        Ends of sliders, in the units of the parameters.
+    views : sequence of str, optional
+        Of "time", "phase", "characteristic", "layer", "diagram", "basins", "section", "mechanism"; by default all that
+        the system has.
+    preset : str, optional
+        A state of a scene that is worth a look; `pwsmooth explore --list` lists them.
+    show : bool
+        Whether a page, or in a notebook a widget, is opened.
+
+    Returns
+    -------
+    Explorer
+        With `.state`, `.solution`, `.code()` and `.save(path)`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
+    ImportError
+        The extra is not installed.
+
+    Notes
+    -----
+    The page is served on this machine alone, to whoever has its address.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, explore
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> block = System({x: v, v: -x - sp.sign(v)})
+    >>> explored = explore(block, {x: 3.5, v: 0}, t_span=(0, 10), show=False)
+    >>> explored.solution.itinerary[-1], "scene.solve(" in explored.code()
+    ('stick (sgn(v) sliding)', True)
+    """
+    show = checks.flag(show, "`show`")
+    subject = subject_of(system_or_scene, x0, t_span=t_span, period=period, ranges=ranges, views=views)
+    subject = with_ranges(subject, subject.name.partition(",")[0].replace(" ", "_"))
+    if preset is not None:
+        subject = with_preset(subject, preset_of(checks.name(preset, "`preset`")))
+    explorer = Explorer(subject)
+    if not show:
+        return explorer
+    if "ipykernel" in sys.modules and importlib.util.find_spec("anywidget"):
+        from .widget import widget_of
+
+        return widget_of(explorer)
+    serve(explorer)
+    return explorer
+
+
+def need_websockets() -> None:
+    """ImportError with the remedy where the extra is missing."""
+    if importlib.util.find_spec("websockets") is None:
+        raise ImportError("the page needs websockets: pip install 'pwsmooth[explore]'.")
+
+
+def serve(
+    explorer: Explorer, port: int = 0, browser: bool = True, say: Any = print, fragment: str = ""
+) -> None:
+    """Serve the explorer's page until Ctrl-C."""
+    need_websockets()
+    from .server import Server
+
+    server = explorer._server = Server(explorer.subject, port)
+    server.fragment = fragment
+
+    def told() -> None:
+        say(f"{explorer.subject.name}: {server.url}\nCtrl-C ends it.")
+        if browser:
+            webbrowser.open(server.url)
+
+    asyncio.run(server.serve(told))
+    explorer._state, explorer._server = explorer.state, None
+
+
+def listing() -> str:
+    """The scenes, with the law that each has where none is named, and the presets."""
+    from ..sweep.study import known_scenes
+
+    lines = ["scenes"]
+    for name in known_scenes():
+        law = USUAL.get(name, ("HiddenStatic", {}))[0]
+        lines.append(f"    {name}" + (f"  --law {law}" if law else ""))
+    lines.append("presets")
+    lines += [f"    {name:<12} {preset.said} ({preset.scene})" for name, preset in PRESETS.items()]
+    return "\n".join(lines)
+
+
+def command(
+    what: str,
+    law: str | None,
+    preset: str | None,
+    state: str,
+    port: int,
+    browser: bool,
+    allow_code: bool,
+    say: Any,
+) -> None:
+    """What `pwsmooth explore` does."""
+    need_websockets()
+    if preset is not None:
+        if what or law:
+            raise ValueError("a preset brings its scene and its law; leave these out, or the preset.")
+        subject = subject_of_preset(preset)
+    elif not what:
+        raise ValueError(
+            "nothing is named: give a scene, a study or a preset; `pwsmooth explore --list` shows them."
+        )
+    elif what.endswith(".toml"):
+        subject = subject_of_study(Path(what), allow_code=allow_code)
+    else:
+        subject = with_ranges(named_subject(what, law), what)
+    if state and not re.fullmatch(r"[A-Za-z0-9_-]{1,12000}", state):
+        raise ValueError("`--state` is no state; give what `Copy link` shows.")
+    given = f"--preset {preset}" if preset else what + (f" --law {law}" if law else "")
+    subject = replace(subject, command=f"pwsmooth explore {given}")
+    serve(Explorer(subject), port, browser, say, f"&s={state}" if state else "")

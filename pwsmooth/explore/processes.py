@@ -1,0 +1,118 @@
+"""The two processes behind a page, whatever brings it their frames: a socket, or a widget's comm.
+
+Messages go to the process that answers them, and frames come back as they are made; a process that is late is ended and
+started anew, and the page is told.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import multiprocessing
+import threading
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from . import worker
+from .describe import LIMITS
+from .frames import pack
+from .subject import Subject
+
+_GRACE = 2.0  # a process that is so many limits late is ended
+_OF_MAPS = ("diagram", "basins", "section", "figure", "stop")
+
+
+class Process:
+    """A worker and the thread that reads its pipe; `heard(frame)` is called in that thread."""
+
+    def __init__(self, target: Callable[..., None], subject: Subject, heard: Callable[[bytes], None]) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.process = context.Process(target=target, args=(theirs, subject), daemon=True)
+        self.process.start()
+        theirs.close()
+        self.asked: float | None = None  # since when an answer is awaited
+        threading.Thread(target=self._read, args=(heard,), daemon=True).start()
+
+    def _read(self, heard: Callable[[bytes], None]) -> None:
+        with contextlib.suppress(EOFError, OSError, TypeError):  # TypeError: closed while it was read
+            while True:
+                frame = self.pipe.recv_bytes()
+                self.asked = None
+                heard(frame)
+
+    def send(self, message: Mapping[str, Any], awaited: bool = True) -> None:
+        if awaited and self.asked is None:
+            self.asked = time.monotonic()
+        with contextlib.suppress(OSError):
+            self.pipe.send_bytes(json.dumps(message).encode())
+
+    def end(self) -> None:
+        with contextlib.suppress(OSError):
+            self.pipe.close()
+        self.process.join(0.2)
+        if self.process.is_alive():
+            self.process.kill()
+            self.process.join(1)
+
+
+class Workers:
+    """The processes of one page; `heard(frame)` is called in their readers' threads."""
+
+    def __init__(self, subject: Subject, heard: Callable[[bytes], None]) -> None:
+        self.subject, self.heard = subject, heard
+        self.ready, self.view, self.over = False, "", False
+        self.state: dict[str, Any] = {}  # the last that was asked for
+        self.maps: Process | None = None
+        self._lock = threading.Lock()
+        self.live = Process(worker.live, subject, self._from_live)
+
+    def _from_live(self, frame: bytes) -> None:
+        if not self.ready and b'"kind":"ready"' in frame[:100]:
+            self.ready = True
+            self._start_maps()  # after the first: both would compile the same
+        self.heard(frame)
+
+    def _start_maps(self) -> Process | None:
+        with self._lock:
+            if self.maps is None and not self.over:
+                self.maps = Process(worker.maps, self.subject, self.heard)
+                if self.view:
+                    self.maps.send({"kind": "view", "view": self.view}, awaited=False)
+            return self.maps
+
+    def message(self, message: Mapping[str, Any]) -> None:
+        """Hand what a page says to the process that answers it."""
+        kind = message.get("kind")
+        if kind in _OF_MAPS:
+            if (maps := self._start_maps()) is not None:
+                maps.send(message, awaited=False)
+            return
+        if kind == "view":
+            self.view = str(message.get("view", ""))
+            if self.maps is not None:
+                self.maps.send(message, awaited=False)
+        elif kind == "orbit":
+            self.state = dict(message)
+        self.live.send(message, awaited=kind != "view")
+
+    def watch(self) -> None:
+        """End the sliders' process where it is late, and start it anew; to be called a few times a second."""
+        asked, limit = self.live.asked, _GRACE * LIMITS["seconds"]
+        dead = not self.live.process.is_alive()
+        if self.over or not (dead or (self.ready and asked is not None and time.monotonic() - asked > limit)):
+            return
+        old, self.ready, self.view = self.live, False, ""
+        old.end()
+        why = "ended by itself" if dead else f"did not answer within {limit:g} s, the limit of a picture,"
+        said = f"The process of the sliders {why} and was started anew; take a shorter span."
+        self.heard(pack({"kind": "killed", "why": said}))
+        self.live = Process(worker.live, self.subject, self._from_live)
+
+    def end(self) -> None:
+        """End both."""
+        self.over = True
+        for process in (self.live, self.maps):
+            if process is not None:
+                process.end()

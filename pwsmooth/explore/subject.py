@@ -1,0 +1,224 @@
+"""What is explored: a System with its start, span, period and words, from a scene, a study or a System of one's own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from ..definition import checks
+from ..definition.lambdified import numpy_function
+from ..results.solution import Solution
+from ..scenes.scene import Scene
+from ..sweep.study import Names, Study, StudyError, SystemTable, law_of, read_study, system_of
+
+_T = sp.Symbol("t", real=True)
+_SIN, _COS = sp.sin(_T), sp.cos(_T)
+
+#: Law of a scene and its other arguments where the command names none.
+USUAL: dict[str, tuple[str | None, dict[str, Any]]] = {
+    "free_impact": ("HuntCrossley", {}),
+    "falling_ball": ("HuntCrossley", {}),
+    "impact_oscillator": ("KelvinVoigt", {}),
+    "pressed_block": ("KelvinVoigt", {"force": _SIN, "t_span": (0.0, 30.0)}),
+    "slider_crank": (None, {}),
+    "spinning_disc": ("LimitEllipsoid", {}),
+    "gripped_bar": ("LimitEllipsoid", {"grip": 100 - _T}),
+    "billiard_ball": ("Coulomb", {}),
+    "incline": ("Coulomb", {}),
+    "bristle_bot": ("Coulomb", {}),
+    "block_on_belt": ("StribeckFriction", {}),
+    "force_driven": ("LuGre", {"force": 1.2 * _SIN, "t_span": (0.0, 30.0), "period": 2 * math.pi}),
+    "prescribed_motion": (
+        "Dahl",
+        {"law.sigma0": 20.0, "position": _SIN, "t_span": (0.0, 20.0), "period": 2 * math.pi},
+    ),
+    "shaken_plate": ("Coulomb", {"plate": (_SIN, 0), "lift": _COS, "period": 2 * math.pi}),
+    "planar_oscillator": ("Coulomb", {"force": (2 * _SIN, _COS), "t_span": (0.0, 30.0), "period": 2 * math.pi}),
+    "pulled_block": ("Coulomb", {"path": (_T, 0), "plate": (0, _SIN), "start": (-1.0, 0.5)}),
+    "stacked_plates": ("Coulomb", {"force": (_T, 0)}),
+}
+
+
+VIEWS = ("time", "mechanism", "phase", "characteristic", "layer", "diagram", "basins", "section")
+
+
+@dataclass(frozen=True)
+class Subject:
+    """Everything that the processes of a page need; picklable."""
+
+    name: str
+    system: Any
+    start: dict[str, float]
+    t_span: tuple[float, float]
+    period: Any = None  # a number, or an expression in parameters
+    units: Mapping[str, str] = field(default_factory=dict)
+    atol: Mapping[str, float] = field(default_factory=dict)
+    meanings: Mapping[str, str] = field(default_factory=dict)
+    note: str = ""
+    code: tuple[str, ...] = ("# scene: yours",)  # lines that make `scene`
+    sketch: Any = None
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    views: tuple[str, ...] = ()
+    command: str = ""  # that opens the same on another machine
+
+    @cached_property
+    def scene(self) -> Scene:
+        """As a Scene, whose `solve` a script calls too: the same door, the same tolerances, the same bits."""
+        return Scene(
+            self.name, self.system, self.start, self.t_span, units=dict(self.units), atol=dict(self.atol)
+        )
+
+    def solve(self, t_span: Any, x0: Any, parameters: Any, **options: Any) -> Solution:
+        """The orbit of a state, with dense output."""
+        return self.scene.solve(t_span, x0, parameters=parameters, dense_output=True, **options)
+
+    def period_at(self, parameters: Mapping[str, float]) -> float | None:
+        """The period where parameters have other values; None without one."""
+        if self.period is None:
+            return None
+        with np.errstate(all="ignore"):  # a frequency may be 0
+            found = float(self._period(*(parameters.get(s.name, v) for s, v in self.system.parameters.items())))
+        return found if 0 < found < math.inf else None
+
+    @cached_property
+    def _period(self) -> Any:
+        symbols = tuple(self.system.parameters)
+        made = numpy_function(symbols, sp.sympify(self.period)) if symbols else lambda: self.period
+        return lambda *values: made(*map(np.float64, values))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name not in ("_period", "scene")}
+
+
+def subject_of(
+    what: Any, x0: Any = None, *, t_span: Any = None, period: Any = None, ranges: Any = None, views: Any = None
+) -> Subject:
+    """The subject of a System or a scene; ValueError or TypeError for what cannot be explored."""
+    subject = _of_scene(what) if isinstance(what, Scene) else _of_system(what, x0, t_span)
+    if isinstance(what, Scene) and x0 is not None:
+        start = subject.system.initial_state(x0)
+        subject = replace(subject, start=dict(zip(map(str, subject.system.states), start)))
+    if t_span is not None:
+        subject = replace(subject, t_span=checks.span(t_span))
+    if period is not None:
+        subject = replace(subject, period=checks.period(period, subject.system.parameters))
+    ranges = checks.mapping({} if ranges is None else ranges, "`ranges`", "parameters to (lowest, highest)")
+    given = {str(k): checks.interval(v, f"`ranges` of {k}") for k, v in ranges.items()}
+    for name in given:
+        checks.lookup(name, subject.system.parameters, "`ranges`", "parameter")
+    named = () if views is None else checks.several(views, "`views`")
+    return replace(subject, ranges=given, views=tuple(checks.one_of(*VIEWS)(v, "`views`") for v in named))
+
+
+def _of_system(system: Any, x0: Any, t_span: Any) -> Subject:
+    checks.system(system, "`system_or_scene`")
+    for name, given, remedy in (("x0", x0, "the initial state"), ("t_span", t_span, "(start, end)")):
+        if given is None:
+            raise ValueError(f"a System alone is explored from a start over a span: give `{name}`, {remedy}.")
+    start = system.initial_state(x0)
+    return Subject("system", system, dict(zip(map(str, system.states), start)), checks.span(t_span))
+
+
+def _of_scene(scene: Scene, law: Any = None, code: tuple[str, ...] = ("# scene: yours",)) -> Subject:
+    """`law`: an object whose fields tell what parameters mean."""
+    law = law or _law_of(scene.name)
+    meanings = {f.name: f.metadata["meaning"] for f in fields(law)} if law else {}
+    system = scene.system
+    start = dict(zip(map(str, system.states), system.initial_state(scene.start)))
+    period = None if scene.period is None else symbolic_period(system, scene.period)
+    return Subject(
+        scene.name, system, start, scene.t_span, period, dict(scene.units), dict(scene.atol), meanings, scene.note,
+        code, getattr(scene, "sketch", None),
+    )  # fmt: skip
+
+
+def _law_of(name: str) -> Any:
+    """The class of the law that a scene's name ends with, if it is one of the package's."""
+    try:
+        return law_of(name.rpartition(", ")[2])
+    except StudyError:
+        return None
+
+
+def symbolic_period(system: Any, period: float) -> Any:
+    """The period as an expression of parameters, where a harmonic term tells it, so that it follows their sliders."""
+    time, values = system.model.time, system.parameters
+    for wave in sorted(_expressions(system).atoms(sp.sin, sp.cos), key=str):
+        frequency = wave.args[0].diff(time)
+        if frequency.free_symbols and frequency.free_symbols <= set(values):
+            candidate = 2 * sp.pi / frequency
+            if abs(float(candidate.subs(values)) - period) <= 1e-9 * period:
+                return candidate
+    return period
+
+
+def _expressions(system: Any) -> sp.Tuple:
+    return sp.Tuple(*system.model.rhs) if system.model.families is None else sp.Tuple()
+
+
+def named_subject(
+    scene: str, law: str | None = None, values: Mapping[str, float] | None = None, *, folder: Path | None = None
+) -> Subject:
+    """The subject of a scene's name, with a law's, or of 'file.py:name' in `folder`, which is run."""
+    if ".py:" in scene:
+        what = Names(folder=folder or Path(".")).get(scene, "what is explored")
+        what = what() if callable(what) and not hasattr(what, "model") and not isinstance(what, Scene) else what
+        if not isinstance(what, Scene):
+            raise StudyError(
+                f"{scene} is no scene. A System needs a start and a span: wrap it, "
+                "Scene(name, system, start, t_span), or call pwsmooth.explore(system, x0, t_span=...)."
+            )
+        return _of_scene(what)
+    usual, arguments = USUAL.get(scene, ("HiddenStatic", {}))
+    chosen = law or usual
+    values = {k[4:]: v for k, v in arguments.items() if k.startswith("law.") and not law} | dict(values or {})
+    arguments = {k: v for k, v in arguments.items() if not k.startswith("law.")}
+    if scene == "stacked_plates":
+        arguments["ground"] = law_of("Coulomb")()
+    table = SystemTable(scene=scene, law=chosen, law_parameters=values, arguments=arguments)
+    found = system_of(table, Names())
+    return _of_scene(found, law_of(chosen) if chosen else None, _lines(scene, chosen, values, arguments))
+
+
+def _lines(
+    scene: str, law: str | None, values: Mapping[str, float], arguments: Mapping[str, Any]
+) -> tuple[str, ...]:
+    """Python that makes `scene`."""
+    given = [] if law is None else [f"{law}({', '.join(f'{k}={v!r}' for k, v in values.items())})"]
+    given += [f"{name}={value}" for name, value in arguments.items()]
+    laws = ([law] if law else []) + [type(v).__name__ for v in arguments.values() if hasattr(v, "pieces")]
+    lines = [f"from {law_of(name).__module__.rpartition('.')[0]} import {name}" for name in dict.fromkeys(laws)]
+    used = {f for f in ("sin", "cos") if any(f"{f}(" in text for text in given)}
+    lines += [f"from sympy import {', '.join(sorted(used))}"] * bool(used)
+    needs_time = any(_T in sp.sympify(v).free_symbols for v in arguments.values() if not hasattr(v, "pieces"))
+    return (
+        *lines,
+        f"from pwsmooth.scenes import {scene}{', t' * needs_time}",
+        f"scene = {scene}({', '.join(given)})",
+    )
+
+
+def subject_of_study(path: Path, *, allow_code: bool = False) -> Subject:
+    """The subject of a study file: its system, start, period or span."""
+    study: Study = read_study(path)
+    made = system_of(study.system, Names({}, path.parent if allow_code else None))
+    if isinstance(made, Scene):
+        subject = _of_scene(made, None, (f"# scene: that of {path.name}",))
+    else:
+        if study.t_span is None and study.period is None:
+            raise StudyError(f"{path}: give `t_span` or `period`: how long is a run to be?")
+        period = None if study.period is None else checks.period(study.period, made.parameters)
+        span = study.t_span or (0.0, 20 * float(sp.sympify(period).subs(made.parameters)))
+        start = made.initial_state(study.start)
+        subject = Subject(
+            path.stem, made, dict(zip(map(str, made.states), start)), span, period, dict(study.units),
+            code=(f"# scene: that of {path.name}",),
+        )  # fmt: skip
+    return replace(subject, start={**subject.start, **study.start}) if study.start else subject

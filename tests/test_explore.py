@@ -1,0 +1,482 @@
+"""pwsmooth explore without a browser: what the page is told, how a state answers, maps against the package, doors."""
+
+import base64
+import http.client
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from pwsmooth import System, basins, orbit_diagram, solve
+from pwsmooth.explore import describe, export, frames, live, maps, opening, presets, subject
+from pwsmooth.explore.code import figure, script
+from pwsmooth.explore.server import PAGES, Server
+from pwsmooth.laws.friction import MaxwellSlip, StribeckFriction
+from pwsmooth.scenes import assemble, friction_oscillator
+from pwsmooth.sweep.study import StudyError, known_scenes
+
+t, x, y, v, w, z = sp.symbols("t x y v w z", real=True)
+k = sp.Symbol("k", positive=True)
+
+
+@pytest.fixture(scope="module")
+def oscillator():
+    return presets.subject_of_preset("figure-8")
+
+
+def asked(scene, **more):
+    known = describe.describe(scene)
+    names = [*known["states"][:4], *known["outputs"], *known["characteristic"]]
+    return {"names": names, "phase": known["phase"], **more}
+
+
+# ---- what the page is told
+
+
+@pytest.mark.parametrize("name", [n for n in known_scenes()])
+def test_every_scene_is_described_in_json(name):
+    scene = subject.named_subject(name)
+    known = json.loads(json.dumps(describe.describe(scene), allow_nan=False))
+    assert known["states"] and set(known["start"]) == set(known["states"])
+    assert {c["name"] for c in known["controls"]} <= {p.name for p in scene.system.parameters}
+    assert all(c["min"] < c["max"] and (not c["log"] or c["min"] > 0) for c in known["controls"])
+    assert known["map"]["ok"] == (scene.period is not None)
+
+
+def test_a_meaning_and_a_unit_come_from_the_law(oscillator):
+    known = {c["name"]: c for c in describe.describe(oscillator)["controls"]}
+    assert known["beta"]["unit"] == "s" and known["rho"]["meaning"] == "strength of static friction"
+
+
+def test_the_members_of_a_family_are_one_slider():
+    law = MaxwellSlip(kappa=(2.0, 2.0, 2.0), strength=(0.1, 0.2, 0.3))
+    known = {c["name"]: c for c in describe.describe(subject.subject_of(friction_oscillator(law)))["controls"]}
+    assert known["kappa"]["each"] == 3 and known["kappa"]["value"] == 2.0
+    assert sorted(c["value"] for n, c in known.items() if n.startswith("strength")) == [0.1, 0.2, 0.3]
+
+
+def test_the_period_follows_the_parameter_that_makes_it(oscillator):
+    assert oscillator.period_at({"omega": 2.0}) == pytest.approx(np.pi, rel=1e-15)
+    assert oscillator.period_at({"omega": 0.0}) is None
+
+
+def test_a_frame_comes_back_as_it_went():
+    values = np.array([[1.5, np.nan], [-2.0, 0.25]])
+    late = 1e6 + np.linspace(0, 1e-3, 5)
+    header, arrays = frames.unpack(frames.pack(
+        {"kind": "a", "bad": float("nan")},
+        {"values": values, "status": np.array([-1, 0, 1], np.int8), "cell": np.arange(3), "t": late},
+    ))  # fmt: skip
+    assert header == {"kind": "a", "bad": None}
+    np.testing.assert_array_equal(arrays["values"], values)
+    assert arrays["status"].astype(np.int8).tolist() == [-1, 0, 1] and arrays["cell"].tolist() == [0, 1, 2]
+    # Times that float32 alone would make one: 1e6 has a spacing of 0.06 there.
+    np.testing.assert_allclose(arrays["t"], late, atol=1e-9)
+
+
+# ---- how a state answers
+
+CHUA = System(
+    {x: 15.6 * (y - x + 0.714 * x + 0.215 * (sp.Abs(x + 1) - sp.Abs(x - 1))), y: x - y + z, z: -k * y},
+    parameters={k: 28},
+)
+
+
+def systems():
+    """Five systems that are no scene: (System, start, span)."""
+    from pwsmooth import Event
+
+    table = Event(x, direction=-1, update={v: -0.8 * v}, name="bounce")
+    chain = {x: v, v: -k * x - (x - y) - sp.sign(v) / 4 + sp.cos(t), y: w, w: -k * y - (y - x) - sp.sign(w) / 4}
+    left = StribeckFriction().attach(velocity=v - sp.Rational(1, 5))
+    slip, start, _ = assemble({x: v, v: -k * x - left.force}, left, start={x: 0.0, v: 0.0}, parameters={k: 1})
+    return {
+        "Chua": (CHUA, {x: 0.1, y: 0, z: 0}, (0, 20)),
+        "ball on a table": (System({x: v, v: -k}, parameters={k: 1}, events=[table]), {x: 1, v: 0}, (0, 8)),
+        "relay": (System({x: y, y: -k * y - sp.sign(x + y / 2)}, parameters={k: 0.2}), {x: 1, y: 0}, (0, 20)),
+        "two blocks": (System(chain, time=t, parameters={k: 1}), {x: 1, v: 0, y: 0, w: 0}, (0, 20)),
+        "stick-slip": (slip, start, (0, 20)),
+    }
+
+
+@pytest.mark.parametrize("name", ["Chua", "ball on a table", "relay", "two blocks", "stick-slip"])
+def test_a_system_that_is_no_scene_answers_without_code_for_the_page(name):
+    system, start, span = systems()[name]
+    scene = subject.subject_of(system, start, t_span=span)
+    current = live.Live(scene)
+    header, arrays = current.orbit(asked(scene, p={"k": 1.01 * float(system.parameters[k])}))
+    assert header["kind"] == "orbit" and header["ok"], header
+    assert arrays["values"].shape == (len(header["names"]), len(arrays["t"]))
+    assert current.sentence()[0]["said"]
+    for switch in describe.describe(scene)["switches"]:
+        assert np.isfinite(current.layer({"switch": switch, "t": 1.0})[1]["g"]).all()
+
+
+def test_what_is_drawn_lies_on_the_solution_and_keeps_the_ends_of_sticks(oscillator):
+    current = live.Live(oscillator)
+    header, arrays = current.orbit(asked(oscillator))
+    row = dict(zip(header["names"], arrays["values"]))
+    exact = current.solution(arrays["t"], "y")
+    inside = ~np.isin(arrays["t"], current.solution.t)  # at an event there are two sides
+    np.testing.assert_allclose(row["y"][inside], exact[inside], atol=1e-12)
+    sticks = [s for s in current.solution.segments if s.status == (0,)]
+    assert [h[:2] for h in header["held"]] == [[s.start, s.end] for s in sticks] and sticks
+    for s in sticks:
+        during = (arrays["t"] > s.start) & (arrays["t"] < s.end)
+        assert (arrays["status"][during] == 0).all() and np.abs(row["v"][during]).max() < 1e-12
+
+
+def test_the_layer_at_the_cursor_has_the_folds_of_the_hidden_term(oscillator):
+    current = live.Live(oscillator)
+    current.orbit(asked(oscillator))
+    header, arrays = current.layer({"switch": "lam", "t": 10.0})
+    p = {s.name: float(value) for s, value in oscillator.system.parameters.items()}
+    at = current.solution(10.0)
+    drive = -p["amplitude"] * np.sin(10.0) - p["spring"] * at[0] - p["damper"] * at[1]
+    lam = arrays["lam"]
+    np.testing.assert_allclose(arrays["slaved"], drive - lam * (1 + p["rho"] * (1 - lam**2)), atol=1e-12)
+    np.testing.assert_allclose(arrays["g"], drive - lam * (1 + p["rho"] * at[2]), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "part, words",
+    [
+        ({"p": {"__class__": 1.0}}, "__class__"),
+        ({"p": {"rho": "3"}}, "give a number"),
+        ({"p": {"rho": True}}, "give a number"),
+        ({"p": {"rho": float("nan")}}, "rho"),
+        ({"p": {"beta": 0.0}}, "beta"),
+        ({"p": {"mass": -1.0}}, "mass"),
+        ({"x0": {"q": 1.0}}, "q"),
+        ({"t_span": [0, 1e9]}, "t_span"),
+        ({"t_span": [1, 0]}, "t_span"),
+        ({"names": ["nothing"]}, "nothing"),
+    ],
+)
+def test_what_is_no_state_is_refused_with_a_sentence(oscillator, part, words):
+    header, arrays = live.Live(oscillator).orbit({**asked(oscillator), **part})
+    assert header["kind"] == "refused" and words in header["why"] and not arrays
+
+
+def test_a_run_that_stops_is_drawn_to_where_it_stopped():
+    blows = subject.subject_of(System({x: k * x**2}, parameters={k: 1}), {x: 1}, t_span=(0, 2))
+    header, arrays = live.Live(blows).orbit(asked(blows))
+    assert not header["ok"] and header["stopped"] == pytest.approx(1, abs=1e-3) and header["said"]
+    assert arrays["t"][-1] == pytest.approx(header["stopped"], rel=1e-12) and header["asked"] == [0, 2]
+
+
+@pytest.mark.parametrize("name", presets.PRESETS)
+def test_the_script_of_a_preset_gives_the_orbit_bit_for_bit(name):
+    scene = presets.subject_of_preset(name)
+    changed = {p.name: float(value) * 1.01 for p, value in list(scene.system.parameters.items())[:2]}
+    state = asked(scene, p=changed)
+    current = live.Live(scene)
+    assert current.orbit(state)[0]["ok"]
+    text = script(scene, {**state, "for": "phase"})
+    names = {}
+    exec(compile(text, "script", "exec"), names)  # what the page gives to be run
+    np.testing.assert_array_equal(names["solution"].x, current.solution.x)
+    np.testing.assert_array_equal(names["solution"].t, current.solution.t)
+
+
+def test_presets_of_the_paper_have_its_numbers(oscillator):
+    from paper_figures import oscillator as osc
+
+    mine = {s.name: float(value) for s, value in oscillator.system.parameters.items()}
+    theirs = {s.name: float(value) for s, value in osc.PARAMETERS.items()}
+    renamed = {"k": "spring", "c": "damper", "sigma": "amplitude", "N": "F_c"}
+    assert {renamed.get(n, n): value for n, value in theirs.items()}.items() <= mine.items()
+    spikes = presets.PRESETS["figure-7"]
+    assert {s.name: float(value) for s, value in osc.RELAXING_START.items()} == dict(spikes.x0)
+
+
+@pytest.mark.parametrize("view", ["time", "phase", "characteristic", "layer", "diagram"])
+def test_a_saved_figure_is_a_picture_with_its_script(oscillator, view):
+    state = asked(oscillator, characteristic=["v", "friction"], switch="lam", cursor=9.0, parameter="rho",
+                  range=[1.0, 2.0], columns=3)  # fmt: skip
+    picture = figure(oscillator, {**state, "for": view, "format": "png"})
+    assert picture.startswith(b"\x89PNG") and b"scene = friction_oscillator" in picture
+
+
+# ---- maps
+
+
+def test_a_finished_diagram_is_that_of_the_package(oscillator):
+    state = {"parameter": "rho", "range": [0.5, 7.0], "columns": 9}
+    found, last = {}, None
+    for header, arrays in maps.diagram(oscillator, state):
+        last = header
+        for column, points in zip(arrays.get("column", ()), arrays.get("points", ())):
+            found[int(column)] = points
+    assert last["finished"] and sorted(found) == list(range(9))
+    values = np.linspace(0.5, 7.0, 9)
+    known = orbit_diagram(
+        oscillator.system, "rho", values, oscillator.start, oscillator.period, transient=150, keep=50
+    )
+    for column, points in found.items():
+        for point in points:
+            off = np.abs(known.points[column] - point).max(axis=1).min()
+            assert off < 1e-5, (column, off)  # ten times what a column's strobes may differ by
+
+
+def test_the_first_picture_is_spread_over_the_whole_range(oscillator):
+    state = {"parameter": "rho", "range": [0.5, 7.0], "columns": 800}
+    next(maps.diagram(oscillator, state))  # compiles, as a page's process does before it is asked
+    _, arrays = next(maps.diagram(oscillator, state))
+    assert np.diff([0, *np.sort(arrays["column"]), 799]).max() <= 2 * 800 / 32
+
+
+def test_columns_that_are_carried_on_are_those_of_the_package(oscillator):
+    state = {"parameter": "rho", "range": [4.0, 7.0], "columns": 6, "keep": 4, "carry": -1}
+    found, header = {}, {}
+    for header, arrays in maps.diagram(oscillator, state):  # noqa: B007
+        found |= dict(zip(arrays["column"].tolist(), arrays["points"]))
+    values = np.linspace(4.0, 7.0, 6)[::-1]
+    known = orbit_diagram(oscillator.system, "rho", values, oscillator.start, oscillator.period, carry=True, keep=4,
+                          transient=100)  # fmt: skip
+    assert header["finished"]
+    np.testing.assert_allclose([found[k] for k in range(6)], known.points[::-1], atol=1e-6)
+
+
+def test_finished_basins_are_those_of_the_package(oscillator):
+    state = {"axes": ["y", "v"], "ranges": [[-2, 2], [-2, 2]], "cells": 17}
+    label = np.zeros(17 * 17, int)
+    header = {}
+    for header, arrays in maps.basins(oscillator, state):  # noqa: B007
+        label[arrays["cell"]] = arrays["label"]
+    assert header["finished"] and header["done"] == 17 * 17
+    grid = np.linspace(-2, 2, 17)
+    known = basins(oscillator.system, {"y": grid, "v": grid}, oscillator.period, start={"z": 0.0})
+    starts = [orbit.x for orbit in known.attractors]
+    for row in range(17):
+        for column in range(17):
+            mine = header["cycles"][label[row * 17 + column] - 3]["x"]
+            np.testing.assert_allclose(mine, starts[known.labels[column, row]], atol=1e-6)
+
+
+def test_an_autonomous_system_has_maps_by_a_section():
+    pol = System({x: v, v: k * (1 - x**2) * v - x}, parameters={k: 1})
+    scene = subject.subject_of(pol, {x: 1, v: 0}, t_span=(0, 20))
+    with pytest.raises(ValueError, match="no period"):
+        next(maps.diagram(scene, {"parameter": "k", "range": [0.5, 2], "columns": 3}))
+    state = {"parameter": "k", "range": [0.5, 2.0], "columns": 3, "section": ["v", -1]}
+    found = {}
+    for _, arrays in maps.diagram(scene, state):
+        found |= dict(zip(arrays["column"].tolist(), arrays["points"]))
+    known = orbit_diagram(
+        pol, k, [0.5, 1.25, 2.0], {x: 1, v: 0}, section=v, direction=-1, transient=100, keep=1
+    )
+    np.testing.assert_allclose([found[c][-1, 0] for c in range(3)], known["x"][:, 0], atol=1e-7)
+    assert "section='v', direction=-1" in script(scene, {**state, "for": "diagram"})
+
+
+def test_a_section_repeats_where_the_orbit_does(oscillator):
+    points = np.concatenate([arrays["points"] for _, arrays in maps.section(oscillator, {})])
+    assert np.abs(points[-2] - points[-3]).max() < 1e-8 and len(points) < 1000
+
+
+# ---- files without Python
+
+
+def test_a_file_has_a_frame_for_every_value_near_the_orbit_and_asks_nothing_of_the_network(
+    oscillator, tmp_path
+):
+    values = np.linspace(1, 4, 4)
+    opening.Explorer(oscillator).export(tmp_path / "a.html", {"rho": values}, diagram=True)
+    text = (tmp_path / "a.html").read_text()
+    assert "default-src 'none'" in text and " src=" not in text and '<link rel="stylesheet' not in text
+    data = json.loads(text.partition('<script type="application/json" id="data">')[2].partition("</script>")[0])
+    assert data["values"] == values.tolist() and len(data["frames"]) == 4 and data["diagram"]
+    header, arrays = frames.unpack(base64.b64decode(data["frames"][2]))
+    exact = oscillator.solve(oscillator.t_span, oscillator.start, {"rho": 3.0})
+    row = arrays["values"].reshape(len(header["names"]), -1)[header["names"].index("y")]
+    # A thousandth of the range, and where time is off by a step of its 16 bits the slope's share.
+    off = np.abs(row - exact(np.clip(arrays["t"], 0, 60), "y"))
+    assert off.max() < 1e-3 * np.ptp(row) + 60 / 65000 * np.abs(exact["v"]).max()
+
+
+def test_a_file_that_would_be_too_large_says_how_many_values_fit(oscillator, monkeypatch):
+    monkeypatch.setattr(export, "MOST", 250_000)
+    with pytest.raises(ValueError, match=r"\d+ values fit"):
+        export.standalone(oscillator, {"rho": np.linspace(1, 4, 20)}, views=["time"])
+    with pytest.raises(ValueError, match="one slider"):
+        export.standalone(oscillator, {"rho": [1, 2], "beta": [1, 2]})
+
+
+# ---- doors
+
+
+@pytest.fixture(scope="module")
+def served(oscillator):
+    server = Server(oscillator)
+    server.start()
+    yield server
+    server.stop()
+
+
+def answer(server, path="/", **headers):
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
+    connection.putrequest("GET", path, skip_host=True)
+    for name, value in ({"Host": f"127.0.0.1:{server.port}"} | headers).items():
+        connection.putheader(name.replace("_", "-"), value)
+    connection.endheaders()
+    reply = connection.getresponse()
+    reply.read()
+    return reply
+
+
+UPGRADE = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec_WebSocket_Version": "13",
+           "Sec_WebSocket_Key": "AAAAAAAAAAAAAAAAAAAAAA=="}  # fmt: skip
+
+
+def test_the_server_answers_its_own_page_alone(served):
+    own = f"http://127.0.0.1:{served.port}"
+    page = answer(served)
+    assert page.status == 200 and "script-src 'self'" in page.headers["Content-Security-Policy"]
+    assert page.headers["X-Content-Type-Options"] == "nosniff" and not page.headers.get(
+        "Access-Control-Allow-Origin"
+    )
+    assert answer(served, Host="evil.example").status == 403
+    assert answer(served, Host=f"127.0.0.1:{served.port + 1}").status == 403
+    for path in ("/../server.py", "/%2e%2e/server.py", "/static/style.css", "//etc/passwd", "/style.css/"):
+        assert answer(served, path).status == 404
+    for origin in (
+        None,
+        "http://evil.example",
+        f"{own}.evil.example",
+        f"https://127.0.0.1:{served.port}",
+        "null",
+    ):
+        headers = UPGRADE | ({} if origin is None else {"Origin": origin})
+        assert answer(served, "/socket", **headers).status == 403
+    assert answer(served, "/socket", **UPGRADE, Origin=own).status == 101
+
+
+def socket(server, token):
+    from websockets.sync.client import connect
+
+    made = connect(
+        f"ws://127.0.0.1:{server.port}/socket", origin=f"http://127.0.0.1:{server.port}", max_size=None
+    )
+    made.__enter__()  # closed by the test
+    made.send(json.dumps({"token": token}))
+    return made
+
+
+def heard(made, kind, seconds=120):
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        header, arrays = frames.unpack(made.recv(timeout=seconds))
+        if header["kind"] == kind:
+            return header, arrays
+    raise AssertionError(f"no {kind}")
+
+
+@pytest.mark.parametrize(
+    "change", [lambda s: "", lambda s: s[:-1], lambda s: s + "a", lambda s: s.swapcase(), lambda s: 1]
+)
+def test_another_token_is_refused(served, change):
+    from websockets.exceptions import ConnectionClosed
+
+    made = socket(served, change(served.token))
+    with pytest.raises(ConnectionClosed) as closed:
+        made.recv(timeout=10)
+    assert closed.value.rcvd.code == 4403 and not served.pages
+
+
+def test_a_page_gets_answers_the_newest_of_each_and_its_processes_end_with_it(served, oscillator):
+    made = socket(served, served.token)
+    scene, _ = heard(made, "scene")
+    assert scene["title"] == "friction oscillator, HiddenStatic"
+    heard(made, "ready")
+    state = asked(oscillator)
+    for seq in range(1, 41):
+        made.send(json.dumps({"kind": "orbit", "seq": seq, **state, "p": {"rho": 3 + seq / 100}}))
+    answered = []
+    while not answered or answered[-1] < 40:
+        answered.append(heard(made, "orbit")[0]["seq"])
+    assert answered == sorted(answered) and len(answered) < 40
+    made.send(
+        json.dumps({"kind": "basins", "job": 1, "axes": ["y", "v"], "ranges": [[-2, 2], [-2, 2]], "cells": 300})
+    )
+    heard(made, "basins")
+    made.send(json.dumps({"kind": "diagram", "job": 2, "parameter": "rho", "range": [1, 2], "columns": 4}))
+    made.send(json.dumps({"kind": "stop", "job": 3}))
+    made.send(json.dumps({"kind": "section", "job": 4}))
+    jobs = []
+    while not (jobs and jobs[-1] == ("section", True)):
+        header, _ = frames.unpack(made.recv(timeout=60))
+        if "job" in header:
+            jobs.append((header["kind"], bool(header.get("finished"))))
+    assert ("basins", True) not in jobs  # it was ended
+    (page,) = served.pages
+    processes = [page.workers.live.process, page.workers.maps.process]
+    made.close()
+    until = time.monotonic() + 5
+    while time.monotonic() < until and (served.pages or any(p.is_alive() for p in processes)):
+        time.sleep(0.05)
+    assert not served.pages and not any(p.is_alive() for p in processes)
+
+
+def test_four_pages_are_the_most(served):
+    from websockets.exceptions import ConnectionClosed
+
+    made = [socket(served, served.token) for _ in range(PAGES)]
+    until = time.monotonic() + 10
+    while len(served.pages) < PAGES and time.monotonic() < until:
+        time.sleep(0.05)
+    fifth = socket(served, served.token)
+    with pytest.raises(ConnectionClosed) as closed:
+        fifth.recv(timeout=10)
+    assert closed.value.rcvd.code == 4429
+    for each in made:
+        each.close()
+
+
+def test_ctrl_c_ends_everything_with_code_0(tmp_path):
+    command = [sys.executable, "-u", "-m", "pwsmooth", "explore", "--preset", "coulomb", "--no-browser"]
+    run = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    line = run.stdout.readline()
+    assert "http://127.0.0.1:" in line and "#t=" in line
+    run.send_signal(signal.SIGINT)
+    assert run.wait(10) == 0
+
+
+def test_without_the_extra_the_command_names_it(monkeypatch):
+    monkeypatch.setattr(opening.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(ImportError, match=r"pip install 'pwsmooth\[explore\]'"):
+        opening.command("friction_oscillator", None, None, "", 0, False, False, print)
+
+
+def test_bad_input_is_refused_at_the_door():
+    system = System({x: v, v: -k * x}, parameters={k: 1})
+    for arguments, words in (
+        ((system,), "x0"),
+        ((system, {x: 1}), "v"),
+        ((system, {x: 1, v: 0}, {"t_span": (1, 0)}), "t_span"),
+        ((system, {x: 1, v: 0}, {"t_span": (0, 1), "ranges": {"q": (0, 1)}}), "q"),
+        ((system, {x: 1, v: 0}, {"t_span": (0, 1), "period": -1}), "period"),
+        (("block",), "system"),
+    ):
+        *positional, more = (
+            arguments if isinstance(arguments[-1], dict) and len(arguments) == 3 else (*arguments, {})
+        )
+        with pytest.raises((ValueError, TypeError), match=words):
+            subject.subject_of(*positional, **more)
+    with pytest.raises(StudyError, match="scenes are"):
+        subject.named_subject("no_scene")
+    with pytest.raises(ValueError, match="presets are"):
+        presets.preset_of("figure-99")
+
+
+def test_an_explorer_gives_the_state_the_solution_and_its_script(oscillator):
+    explorer = opening.Explorer(oscillator, {"p": {"rho": 2.0}})
+    again = solve(oscillator.system, oscillator.t_span, oscillator.start, parameters={"rho": 2.0}, dense_output=True,
+                  atol=[oscillator.atol.get(s, 1e-12) for s in ("y", "v", "z")])  # fmt: skip
+    np.testing.assert_array_equal(explorer.solution.x, again.x)
+    assert "'rho': 2.0" in explorer.code() and explorer.state["x0"] == oscillator.start
