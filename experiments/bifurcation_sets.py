@@ -53,6 +53,7 @@ from friction_oscillator import hidden, omega, v, y, z
 from pwsmooth import bifurcation_set, follow, sweep
 from pwsmooth.analysis.orbits import refine
 from pwsmooth.analysis.sections import Stroboscopic
+from pwsmooth.diagrams.growing import Grown
 from pwsmooth.plotting import new_figure
 from pwsmooth.sweep import Period, Points
 
@@ -188,26 +189,31 @@ def borders(orbit, names, ranges) -> list[tuple[str, dict, str]]:
     return found
 
 
-def checked(name: str, found, config: Config) -> dict:
+def distance(curves: list[dict], at: np.ndarray, name: str) -> float:
+    """Of a point of the plane to the nearest curve, in parts of the ranges."""
+    lines = (Grown({"values": np.array(curve["values"])}, {}) for curve in curves)
+    return min((line.distance(at, np.ptp(SETS[name][2], axis=1))[0] for line in lines), default=np.inf)
+
+
+def checked(name: str, curves: list[dict], config: Config) -> dict:
     """Random points of a plane, and whether the set admits the attractors there."""
-    _, _, ranges, _ = SETS[name]
     random = np.random.default_rng(config.seed)
-    low, high = np.array(ranges).T
+    low, high = np.array(SETS[name][2]).T
     places, skipped = [], 0
     while len(places) < config.points:
         at = low + (high - low) * random.random(2)
-        if found.distance(at) < config.near:
+        if distance(curves, at, name) < config.near:
             skipped += 1
         else:
             places.append(at)
     rows = parts(
-        {f"{name}, point {k}": (at_a_point, name, found.curves, at, k, config) for k, at in enumerate(places)},
+        {f"{name}, point {k}": (at_a_point, name, curves, at, k, config) for k, at in enumerate(places)},
         config.workers,
     )
     return {"points": rows, "skipped": skipped}
 
 
-def at_a_point(name: str, curves: list, at: np.ndarray, number: int, config: Config) -> dict:
+def at_a_point(name: str, curves: list[dict], at: np.ndarray, number: int, config: Config) -> dict:
     """The attractors at a point, and where they end that is on no curve."""
     view, parameters, ranges, _ = SETS[name]
     names, random = parameters.split(), np.random.default_rng((config.seed, number))
@@ -219,18 +225,15 @@ def at_a_point(name: str, curves: list, at: np.ndarray, number: int, config: Con
             there = np.array([place[n] for n in names])
             # A parameter that is not negative cannot be followed to 0 itself.
             outside = (np.minimum(there - low, high - there) / (high - low)).min() < config.near
-            if kind == "border" or outside:
-                continue
-            distance = min((curve.distance(there, high - low)[0] for curve in curves), default=np.inf)
-            if distance >= config.near:
+            if kind != "border" and not outside and (off := distance(curves, there, name)) >= config.near:
                 where = ", ".join(f"{n} = {place[n]:.6g}" for n in names)
-                failures.append(f"{kind} at {where}, {distance:.2g} from any curve: {words[:160]}")
+                failures.append(f"{kind} at {where}, {off:.2g} from any curve: {words[:160]}")
     return {"at": at, "attractors": len(orbits), "fates": dict(fates), "failures": failures}
 
 
 def plane(name: str, config: Config) -> dict:
-    """The set of a plane and its check, as data."""
-    found, measured = the_set(name, config)
+    """The set of a plane, as data."""
+    found, seconds = the_set(name, config)
     curves = [
         {
             "kind": curve.kind, "values": np.round(curve.values, 9), "origin": curve.origin, "ends": curve.ends,
@@ -246,13 +249,13 @@ def plane(name: str, config: Config) -> dict:
     return {
         "curves": curves, "points": [{"name": p.name, "at": p.at, "curves": p.curves} for p in found.points],
         "diagrams": diagrams, "lost": found.lost,
-        "seconds": {key: round(value, 1) for key, value in measured.items()},
-        "check": checked(name, found, config),
+        "seconds": {key: round(value, 1) for key, value in seconds.items()},
     }  # fmt: skip
 
 
 def run(config: Config) -> dict:
-    return {name: part(name, plane, name, config) for name in config.planes}
+    planes = {name: part(name, plane, name, config) for name in config.planes}
+    return {name: one | {"check": checked(name, one["curves"], config)} for name, one in planes.items()}
 
 
 def called(curve: dict) -> str:

@@ -32,6 +32,7 @@ LONG_ENOUGH = 1e2  # of a segment that is newly cut: with it both exp(kT) and ex
 CALM = 10.0  # growth from anywhere on the way to anywhere, likewise: a tenth of that of new segments
 SHORT = 1e3  # growth of a whole orbit that needs no segments any more
 _LESS = 0.1  # of that growth: with less, segments that begin in a slide are better than those that do not
+_APART = 1e-9  # of a period: the least length of a segment that the clock tells
 _MARGIN = 3e-3  # of an application's time: nearer to an event no segment begins
 _CLOSE = 1e-3  # the same: a beginning to which an event has come so near is moved
 _LAST, _LATEST = 0.9, 0.97  # of the time to a return: where the last segment begins at first, and at most
@@ -314,6 +315,7 @@ def _pieces(shooting, X, image, number, way, speed, name, also) -> list[_Piece] 
         if last == math.inf:
             free = {place: slides for place, slides in free.items() if place < _LAST * begin}
         if also is not None and first < also < min(last, 1.0):
+            free = {place: slides for place, slides in free.items() if abs(place - also) > _APART}
             free = dict(sorted({also: False, **free}.items()))
         free = {first: sticks_at_start(runs[0]), **free}
         x, moving = X[j * n : (j + 1) * n], way[j * n : (j + 1) * n]
