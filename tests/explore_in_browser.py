@@ -305,7 +305,9 @@ def gestures(b: Browser, shots: Path | None) -> None:
         expect(job and tab.evaluate("explorer.views.every(v => !v.id)"), "Esc does not stop a job")
         tab.keyboard.press("b")
         wait(tab, "explorer.of('basins').id && explorer.of('basins').job.header?.done", 60)
-        tab.evaluate(f"explorer.hear({{kind: 'basins', job: {job}, done: 1e9, cells: 2, axes: ['y', 'v'], cycles: []}}, {{}})")
+        tab.evaluate(
+            f"explorer.hear({{kind: 'basins', job: {job}, done: 1e9, cells: 2, axes: ['y', 'v'], cycles: []}}, {{}})"
+        )
         done = tab.evaluate("explorer.of('basins').job.header.done")
         expect(done < 1e9, "frames of a job that was stopped are drawn")
         tab.keyboard.press("Escape")

@@ -3,7 +3,6 @@
 import importlib
 import json
 import math
-import sys
 from pathlib import Path
 
 import pytest
@@ -15,8 +14,6 @@ ROOT = Path(__file__).resolve().parent.parent
 def scripts_importable(monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "experiments"))
     monkeypatch.syspath_prepend(str(ROOT))
-    yield
-    sys.modules.pop("studytools", None)
 
 
 # What is held against a source, or another computation, and does not come out; the reasons stand in the claims.

@@ -274,7 +274,8 @@ def caster(
     >>> from pwsmooth.laws.friction import Coulomb
     >>> from pwsmooth.scenes import caster
     >>> run = caster(Coulomb(F_c=0.5), swivel=2, trail=0.05).solve()
-    >>> print(run.itinerary, np.tan(run["swivel"][-1] / 2) / np.tan(1) * np.exp(20))
+    >>> print(run.itinerary, f"{np.log(np.tan(run['swivel'][-1] / 2) / np.tan(1)):.6f}")
+    ('stick (lam sliding)',) -20.000000
     """
     angle, rate, wheel_rate = sp.symbols("swivel swivel_rate wheel_rate", real=True)
     arm, size, about_pivot, of_wheel, pull = sp.symbols("trail radius inertia wheel speed", positive=True)
