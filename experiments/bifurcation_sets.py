@@ -4,11 +4,9 @@
 
 Bifurcation sets by one call each (`pwsmooth.bifurcation_set`), of the slaved limit, beta << eps (z = 1 - lam^2: static
 friction answers at once), over (omega, sigma) at rho = 3 and over (rho, sigma) at omega = 1. The hidden term stays: it
-is what folds the layer, and with it sticks end at a fold. The relaxing limit, eps << beta (0.1 z' = 1 - lam^2 - z, z a
-state of the motion, none of the layer), can be had as one more of `Config.planes`; it is not among the kept results.
-Sticks are canards there: on the way through them branches have multipliers up to 1e28 while the drive changes by 1e-8,
-and folds and flips lie as near to each other, so that their curves end without a point of codimension 2. All branches
-are followed, in about 4 minutes of processor time; the set was not finished after 10.
+is what folds the layer, and with it sticks end at a fold. And of the relaxing limit, eps << beta (0.1 z' = 1 - lam^2 -
+z, z a state of the motion, none of the layer), over (omega, sigma) at rho = 3. Sticks are canards there: on the way
+through them branches have multipliers up to 1e28 while the drive changes by 1e-8.
 
 Check: at random points of each plane a sweep of many starts finds the attractors there by brute force. A set admits an
 attractor if the orbit, followed over either parameter until it turns back, jumps or loses its stability, is so up to a
@@ -18,7 +16,7 @@ among them, and so are trajectories that do not settle. A symmetric orbit is fol
 what happens at both of its contacts happens once.
 
 Expected: rest, two sticks (symmetric), slip only, and asymmetric orbits between; every border of what attracts is a
-curve of the set; slaved within 10 minutes on two cores.
+curve of the set; each within 10 minutes on two cores.
 
 New, as these planes were not drawn before: the curve on which the symmetric orbit sticks less (crossing-sliding)
 carries the others. From (omega, sigma) = (1.174944, 2.493826) on its symmetry breaks; folds leave it at omega =
@@ -29,6 +27,11 @@ just held is let go at once and crossing-sliding is continuous. A block at rest 
 sigma = 1 for rho below 1/2. There, at (1/2, 1), begin the folds of the moving block and the curve on which its unstable
 orbit ends, whose stick is only just let go (adding-sliding): both lead to rho = 5, and the latter over all frequencies.
 At slow drives an asymmetric orbit ends where a slip comes to rest for a moment (grazing-sliding).
+
+In the relaxing limit three times as many curves: where the symmetric orbit loses its symmetry between omega = 0.8 and
+1.6 at sigma below 1.7, loops of flips and folds of orbits of one and of two periods lie within each other, with 13
+cusps; the largest loop of flips has its 1:2 resonances at (0.86257, 1.62588) and (1.36019, 1.28115). Folds meet broken
+symmetry at (1.673964, 1.303756) and (1.136164, 1.191961). Its orbits of four periods and more are not followed.
 
 Usage: python experiments/bifurcation_sets.py [--fast] [--out DIR] [--draw FILE.json]
 """
