@@ -3,7 +3,7 @@
 import functools
 import json
 
-import matplotlib
+import matplotlib.animation
 import numpy as np
 import pytest
 import sympy as sp
