@@ -262,21 +262,17 @@ def _belt(ax: Any, shape: Mapping[str, Any], unit: float, k: int) -> _MOVES:
     return move
 
 
-def _joint(ax: Any, shape: Mapping[str, Any], unit: float, k: int, face: str = "white") -> _MOVES:
+def _joint(ax: Any, shape: Mapping[str, Any], unit: float, k: int) -> _MOVES:
     from matplotlib.patches import Circle
 
     patch = ax.add_patch(
-        Circle((0, 0), shape["radius"], facecolor=face, edgecolor="black", linewidth=1.1, zorder=k)
+        Circle((0, 0), shape["radius"], facecolor="white", edgecolor="black", linewidth=1.1, zorder=k)
     )
 
     def move(places: np.ndarray, colour: str) -> None:
         patch.center = tuple(places)
 
     return move
-
-
-def _clearance(ax: Any, shape: Mapping[str, Any], unit: float, k: int) -> _MOVES:
-    return _joint(ax, shape, unit, k, face="white")
 
 
 def _arrow(ax: Any, shape: Mapping[str, Any], unit: float, k: int) -> _MOVES:
@@ -295,6 +291,6 @@ def _arrow(ax: Any, shape: Mapping[str, Any], unit: float, k: int) -> _MOVES:
 
 
 _ARTISTS: dict[str, Callable[..., _MOVES]] = {
-    "arrow": _arrow, "ball": _ball, "bar": _bar, "belt": _belt, "block": _block, "clearance": _clearance,
+    "arrow": _arrow, "ball": _ball, "bar": _bar, "belt": _belt, "block": _block, "clearance": _joint,
     "ground": _ground, "joint": _joint, "spring": _spring,
 }  # fmt: skip

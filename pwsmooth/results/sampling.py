@@ -100,10 +100,8 @@ def sampled(
     fixed[:1, 0] = True
     fixed[:, -1] = kept[:, -1] = held = _events_at_ends(solution, t, status)
     fixed[1:, 0] = held[:-1]
-    both, added = (
-        np.concatenate([solution.x, solution.mult]),
-        [],
-    )  # places between the points, and columns there
+    both = np.concatenate([solution.x, solution.mult])
+    added: list[tuple[int, int]] = []  # places between the points, and columns there
     if not solution.course:
         # The run has kept the limits there: the direction of a disc that comes to rest is 0/0 of the polynomials.
         column = np.minimum(np.searchsorted(solution.t, starts), len(solution.t) - 1)

@@ -77,16 +77,21 @@ class _Attractor:
 
     def draws_in(self, points: np.ndarray, tol: float) -> bool:
         """Whether its Lyapunov function falls along a trajectory's points (number, n), until they are at the orbit."""
-        x, count = self.orbit.x, self.orbit.map.count
-        first = int(np.argmin(np.abs(points[:count] - x).sum(axis=1)))
-        off = (points[first::count] - x) / (1 + np.abs(x))
-        height, share = np.einsum("ki,ij,kj->k", off, self.form, off), (off**2).sum(axis=1)
-        falls = height[1:] <= height[:-1] - share[:-1] / 2
-        return len(falls) >= _FALLS and bool(np.all(falls | (share[:-1] <= tol**2)))
+        count = self.orbit.map.count
+        first = int(np.argmin(np.abs(points[:count] - self.orbit.x).sum(axis=1)))
+        falls = self._falls(points[first::count], tol)
+        return len(falls) >= _FALLS and bool(np.all(falls))
+
+    def _falls(self, points: np.ndarray, tol: float) -> np.ndarray:
+        """Where its Lyapunov function falls from one of points (..., number, n) to the next, or is at the orbit."""
+        x = self.orbit.x
+        off = (points - x) / (1 + np.abs(x))
+        height, share = np.einsum("...i,ij,...j->...", off, self.form, off), (off**2).sum(axis=-1)
+        return (height[..., 1:] <= height[..., :-1] - share[..., :-1] / 2) | (share[..., :-1] <= tol**2)
 
     def draws_near(self, points: np.ndarray, tol: float) -> np.ndarray:
         """Of many trajectories (trajectories, points, n) which are near the orbit, with its function falling."""
-        x, count, last = self.orbit.x, self.orbit.map.count, points.shape[1] - 1
+        count, last = self.orbit.map.count, points.shape[1] - 1
         scaled = (points[:, -1, None] - self.points) / (1 + np.abs(self.points))
         off = np.abs(scaled).max(axis=2)
         near, phase = off.min(axis=1) <= _NEAR, off.argmin(axis=1)
@@ -96,10 +101,7 @@ class _Attractor:
             if not len(rows) or len(places) < 2:
                 near[rows] = False
                 continue
-            d = (points[rows][:, places] - x) / (1 + np.abs(x))
-            height, share = np.einsum("tki,ij,tkj->tk", d, self.form, d), (d**2).sum(axis=2)
-            falls = (height[:, 1:] <= height[:, :-1] - share[:, :-1] / 2) | (share[:, :-1] <= tol**2)
-            near[rows] = falls[:, -1]
+            near[rows] = self._falls(points[np.ix_(rows, places[-2:])], tol)[:, -1]
         return near
 
 

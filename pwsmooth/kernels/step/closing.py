@@ -16,10 +16,8 @@ from .recording import keep_dense, sample
 
 _TOLERANCE, _DIRECTION = 1e-9, 1e-6  # of the time, and what is enough of the direction at its end
 _CLOSED = -20.0  # of log(r/r1): what is left does not matter
-_STRAIGHT, _BENT = (
-    1e-6,
-    1e-9,
-)  # of the angle off the direction in which it ends, and of what that takes from n.G
+_STRAIGHT = 1e-6  # of the angle off the direction in which it ends
+_BENT = 1e-9  # of n.G, what that takes from it
 _STEADY = 0.1  # tolerances of h: what the change of n.G on the rest of the way is worth
 _PASSED = 0.5
 FARTHEST = 100.0  # of log(r/r1), where a stage of a step too long may be

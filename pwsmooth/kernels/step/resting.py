@@ -18,11 +18,8 @@ _FAST = 0.005  # of the friction: the deceleration of a slip that is closed earl
 _BLURRED = 1e-10  # of what a surface is made of that is no state: its roundings are 1e-5 of such a |h|
 _FAR = 8.0  # by how much later than the last slope of |h| tells it may come to rest
 _STIFF = 4.0  # of |h| over the friction, to what explicit steps are stable
-_SEEN, WORTH, PATIENCE = (
-    5,
-    20.0,
-    50,
-)  # such steps in a row; a collocation step costs as many; until it is tried again
+_SEEN = 5  # such steps in a row
+WORTH, PATIENCE = 20.0, 50  # explicit steps: what a collocation step costs, and until it is tried again
 _LEAST_LEFT, _MOST_LEFT = 1e-3, 0.1  # of the time to rest, by a step towards it
 
 
