@@ -15,7 +15,7 @@ class _Lost(Exception):
     """Newton's method found no point between two."""
 
 
-def zero_between(walk: Any, here: P, there: P, test: Callable[[P], float], xtol: float = 1e-12) -> P | None:
+def zero_between(walk: Any, here: P, there: P, test: Callable[[P], float], xtol: float = 1e-14) -> P | None:
     """The point, to `xtol` of the chord, at which a test function with different signs at two points vanishes.
 
     None where `walk.along` finds no point on the way, or the function has no sign.

@@ -26,6 +26,7 @@ from .periodic_orbit import PeriodicOrbit
 from .recutting import touched
 
 _BRACKET = 1e-10  # of the arc, in which the end of a curve is enclosed
+_LOCATED = 1e-12  # of a chord: test functions along curves are known to some 1e-10
 _MOST_HALVED = 100
 _BEGUN = 1e-6  # of a test function: what is less is a rounding at a start
 _EXTRAPOLATED = 5  # points
@@ -189,7 +190,7 @@ class Way:
             second = name.rpartition(" + ")[2]
             if second in SMOOTH and second != "torus" and undecided(here, there, second):
                 continue  # as all along a curve of orbits at rest
-            spot = zero_between(walk, here, there, _test(name))
+            spot = zero_between(walk, here, there, _test(name), _LOCATED)
             why = walk.condition.ends(name)
             if spot is None and why:
                 return self._short_of(here, there, name, why)
@@ -227,7 +228,7 @@ class Way:
         for k, name in enumerate(self.walk.names, self.walk.n):
             rates = here.tangent[k], there.tangent[k]
             if rates[0] * rates[1] < 0 and max(np.abs(rates)) > _TURNS:
-                spot = zero_between(self.walk, here, there, _rate(k))
+                spot = zero_between(self.walk, here, there, _rate(k), _LOCATED)
                 if spot is not None:
                     turn = Codimension2(f"turns in {name}", self.walk.parameters(spot), spot.orbit)
                     self.turns.append(turn)

@@ -45,9 +45,10 @@ def is_stiff(P, S, W, h):
 
 @kernel
 def _near_rest(P, C, S, W, j):
-    """|h|^2 of disc j from which on its slip is closed, and that from which on whatever else may happen by then.
+    """|h|^2 of disc j from which on its slip is closed, and that from which on whatever else may happen by then; the
+    tolerance of h.
 
-    At the first jets that keep the tolerance of h begin to lose digits of its direction, at the second they have.
+    At the first jets that keep it begin to lose digits of the direction of h, at the second they have.
     """
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     tolerance, blurred = C.rtol * math.sqrt(W.meeting.widest[j]), 0.0
@@ -57,7 +58,7 @@ def _near_rest(P, C, S, W, j):
             if P.surface_state[k] < 0:
                 blurred += _BLURRED * abs(W.dh[e] * S.x[P.dh_col[e]])
     last = max(_NEAR * tolerance, blurred) ** 2
-    return max(last, _EARLY**2 * W.meeting.widest[j]), last
+    return max(last, _EARLY**2 * W.meeting.widest[j]), last, tolerance
 
 
 @kernel
@@ -79,10 +80,10 @@ def _is_alone(P, S, W, j, left):
 
 
 @kernel
-def _close(P, C, S, R, W, j, square, late, latest):
+def _close(P, C, S, R, W, j, square, late, tolerance, latest):
     """Moves S to where disc j is at rest, with the direction from which it comes in S.mult; False if it passes by, or
-    comes there later than at the `latest`. `late` is as in _near_rest, which has left W.G."""
-    size, tolerance, k = math.sqrt(square), math.sqrt(late) / _NEAR, S.taped
+    comes there later than at the `latest`. `late` and `tolerance` are as in _near_rest, which has left W.G."""
+    size, k = math.sqrt(square), S.taped
     most = MOST if square <= late else MOST_KEPT
     for i in range(P.m):
         W.closing_mult[i] = S.mult[i]
@@ -143,11 +144,11 @@ def come_to_rest_in_disc(P, C, S, R, W, h):
         if not slope < 0.0:
             continue
         left = -2.0 * square / slope
-        early, late = _near_rest(P, C, S, W, j)
+        early, late, tolerance = _near_rest(P, C, S, W, j)
         latest = W.step.stop if square <= late else min(W.step.stop, S.t + _FAR * left)
         fast = -slope >= 2.0 * _FAST * pull_of(P, W, j) * square**0.5  # else its direction is stiff in tau
         closes = square <= late or (square <= early and fast and _is_alone(P, S, W, j, left))
-        if closes and S.t + left < latest and _close(P, C, S, R, W, j, square, late, latest):
+        if closes and S.t + left < latest and _close(P, C, S, R, W, j, square, late, tolerance, latest):
             W.meeting.widest[j] = 0.0  # the next slip has its own scale
             return h, j
         if square <= _ROUNDING * W.meeting.widest[j] or left <= 1e-15 * (1.0 + abs(S.t)):
