@@ -270,7 +270,8 @@ def draw(data):
     left.set_xticks([0.15, 0.3, 0.5, 1.0, 1.5], ["0.15", "0.3", "0.5", "1", "1.5"])
     left.minorticks_off()
     left.set_title(f"stuck under F = {data['force']:g} N")
-    left.legend(fontsize=7)
+    left.set_ylim(top=3 * left.get_ylim()[1])  # room for the legend above what is shown
+    left.legend(fontsize=7, loc="upper right")
     s2 = np.array(data["orbit_s2"])
     colours = dict(
         zip(data["predicted"], (COLOUR["velocity"], COLOUR["smoothed"], COLOUR["stick"]), strict=False)
