@@ -76,7 +76,7 @@ def characteristic(model: Model) -> list[str]:
         return []
     moving = [m for m in model.multipliers if _moves(model, m)]
     found = sorted(moving, key=lambda m: not _can_slide(model, m))
-    forces = {str(n): sp.sympify(e).free_symbols for n, e in model.outputs}
+    forces = {str(n): sp.sympify(e, strict=True).free_symbols for n, e in model.outputs}
     for m in found:
         slip = str(m.surface) if m.surface in model.states else f"h:{m.symbol}"
         named = [n for n, symbols in forces.items() if n in ("friction", "force") or m.symbol in symbols]

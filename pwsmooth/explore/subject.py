@@ -90,7 +90,7 @@ class Subject:
     @cached_property
     def _period(self) -> Any:
         symbols = tuple(self.system.parameters)
-        made = numpy_function(symbols, sp.sympify(self.period)) if symbols else lambda: self.period
+        made = numpy_function(symbols, sp.sympify(self.period, strict=True)) if symbols else lambda: self.period
         return lambda *values: made(*map(np.float64, values))
 
     def __getstate__(self) -> dict[str, Any]:
@@ -197,7 +197,8 @@ def _lines(
     lines = [f"from {law_of(name).__module__.rpartition('.')[0]} import {name}" for name in dict.fromkeys(laws)]
     used = {f for f in ("sin", "cos") if any(f"{f}(" in text for text in given)}
     lines += [f"from sympy import {', '.join(sorted(used))}"] * bool(used)
-    needs_time = any(_T in sp.sympify(v).free_symbols for v in arguments.values() if not hasattr(v, "pieces"))
+    formulas = [v for v in arguments.values() if not hasattr(v, "pieces")]
+    needs_time = any(_T in sp.sympify(v, strict=True).free_symbols for v in formulas)
     return (
         *lines,
         f"from pwsmooth.scenes import {scene}{', t' * needs_time}",
@@ -215,7 +216,7 @@ def subject_of_study(path: Path, *, allow_code: bool = False) -> Subject:
         if study.t_span is None and study.period is None:
             raise StudyError(f"{path}: give `t_span` or `period`: how long is a run to be?")
         period = None if study.period is None else checks.period(study.period, made.parameters)
-        span = study.t_span or (0.0, 20 * float(sp.sympify(period).subs(made.parameters)))
+        span = study.t_span or (0.0, 20 * float(sp.sympify(period, strict=True).subs(made.parameters)))
         start = made.initial_state(study.start)
         subject = Subject(
             path.stem, made, dict(zip(map(str, made.states), start)), span, period, dict(study.units),
