@@ -98,7 +98,7 @@ def _blocks(growth: np.ndarray, closing: np.ndarray, rounds: int) -> list[np.nda
     n, first, blocks = len(growth), 0, []
     for k in range(1, n):
         gap = growth[k - 1] - growth[k] if np.isfinite(growth[k]) else np.inf
-        if (rounds - 1) * gap > _APART and np.abs(closing[k:, :k]).max() < _COUPLED:
+        if rounds > 1 and (rounds - 1) * gap > _APART and np.abs(closing[k:, :k]).max() < _COUPLED:
             blocks.append(np.arange(first, k))
             first = k
     return [*blocks, np.arange(first, n)]

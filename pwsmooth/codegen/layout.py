@@ -33,9 +33,9 @@ class Count:
     def times(self, factor: int) -> Count:
         return Count(self.fixed * factor, tuple((f, a * factor) for f, a in self.each))
 
-    def text(self) -> str:
-        """In generated code, where m0, m1, ... are the numbers of elements."""
-        parts = [f"{a} * m{f}" if a != 1 else f"m{f}" for f, a in self.each if a]
+    def text(self, number: str = "m") -> str:
+        """In generated code, where m0, m1, ... are the numbers of elements (or s0, s1, ... those of places)."""
+        parts = [f"{a} * {number}{f}" if a != 1 else f"{number}{f}" for f, a in self.each if a]
         return " + ".join([*([str(self.fixed)] if self.fixed or not parts else []), *parts])
 
     def at(self, sizes) -> int:
@@ -52,10 +52,23 @@ def starts(families) -> list[Count]:
     return list(accumulate(map(one, families), initial=Count()))
 
 
-class Layout:
-    """Where the blocks of a template stand in x, mult, p, and in the outputs of the generated functions."""
+# Arrays that have places for elements beside those of a patch as well.
+WITH_RIM = frozenset({"x", "dx", "xnew", "p"})
 
-    def __init__(self, template: Template):
+
+class Layout:
+    """Where the blocks of a template stand in x, mult, p, and in the outputs of the generated functions.
+
+    Of a `patch` (kernels/local) not all elements are computed: m0 are, and what they read of others, whose motion is
+    given, stands behind them in blocks of s0 places. Which elements are neighbours, and their numbers, tables say.
+    """
+
+    def __init__(self, template: Template, patch: bool = False):
+        self.patch = patch
+        self.offsets = [
+            sorted({p.offset for _, p in template.places if p.family == f and p.offset})
+            for f in range(len(template.periodic))
+        ]
         self.states, self.parameters = template.families("states"), template.families("parameters")
         self.multipliers, self.events = template.families("multipliers"), template.families("events")
         self.surfaces = (*self.multipliers, *self.events)
@@ -68,11 +81,61 @@ class Layout:
 
     def place(self, array: str, block: int, family: int | None, offset: int = 0) -> str:
         """Text of a block's entry, for elements that of the present one or of a neighbour."""
-        start = self.starts[array][block].text()
+        start = self.text(array, self.starts[array][block])
         if family is None:
             return f"{array}[{start}]"
         index = neighbour(family, offset) if offset else f"i{family}"
         return f"{array}[{start + ' + ' if start != '0' else ''}{index}]"
+
+
+    def text(self, array: str, count: Count) -> str:
+        """A place in an array, in generated code."""
+        return count.text("s" if self.patch and array in WITH_RIM else "m")
+
+    def row_text(self, count: Count) -> str:
+        """The first of a block of rows. Of elements whose motion is given there are the rows of states alone."""
+        if not self.patch:
+            return count.text()
+        (before,) = (a for _, a in count.each) if count.each else (0,)
+        states = len(self.states)
+        return f"{count.fixed} + {min(before, states)} * s0 + {max(before - states, 0)} * m0"
+
+    @property
+    def slots(self) -> str:
+        """Letter of the number of places that rows and other numbers of elements have."""
+        return "s" if self.patch else "m"
+
+    def sizes(self) -> list[str]:
+        """Lines that read the numbers of elements."""
+        count = len(self.periodic)
+        lines = [f"m{f} = n{f}" for f in range(count)]
+        return lines + [f"s{f} = n{count + f}" for f in range(count) if self.patch]
+
+    def index_of_neighbour(self, family: int, offset: int) -> list[str]:
+        """Lines that find the place of a neighbour; beyond an open end the element's own."""
+        name, own = neighbour(family, offset), f"i{family}"
+        if self.patch:
+            offsets = self.offsets[family]
+            return [f"{name} = int(near{family}[{len(offsets)} * {own} + {offsets.index(offset)}])"]
+        inside = f"{name} < m{family}" if offset > 0 else f"{name} >= 0"
+        wrapped = f"{name} - m{family}" if offset > 0 else f"{name} + m{family}"
+        return [
+            f"{name} = {own} + {offset}" if offset > 0 else f"{name} = {own} - {-offset}",
+            f"if not {inside}:",
+            f"    {name} = {wrapped if self.periodic[family] else own}",
+        ]
+
+    def is_inside(self, family: int, offset: int) -> str:
+        """Whether the element has that neighbour."""
+        if self.patch:
+            offsets = self.offsets[family]
+            near = f"near{family}[{len(offsets)} * i{family} + {offsets.index(offset)}]"
+            return f"int({near}) != i{family}"
+        return f"i{family} + {offset} < m{family}" if offset > 0 else f"i{family} >= {-offset}"
+
+    def number(self, family: int) -> str:
+        """The number i = 1, 2, ... of the element."""
+        return f"number{family}[i{family}]" if self.patch else f"i{family} + 1.0"
 
 
 def neighbour(family: int, offset: int) -> str:

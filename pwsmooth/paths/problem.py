@@ -245,11 +245,11 @@ class CompiledProblem:
             kept[order] = self.new_work(order)
         return kept[order]
 
-    def new_work(self, order: int):
-        """Scratch arrays that nobody else has."""
+    def work_sizes(self, order: int) -> dict[str, int]:
+        """Of scratch arrays."""
         n, m, ne, fixed, fold = self.code.n, self.code.m, self.code.ne, self.fixed, self.fold
         width = terms(order) + state.PAD
-        sizes = dict(
+        return dict(
             n=n, m=m, ne=ne, nz=len(self.ratios), width=width, rows=self.nrows,
             fold_size=m + 1 if fold else 0, entries=len(fixed["g_col"]), gradients=len(fixed["dh_col"]) + m + ne,
             fold_entries=len(fixed["fold_col"]),
@@ -257,6 +257,11 @@ class CompiledProblem:
             group=int(np.diff(fixed["block_row"]).max(initial=0)), hubs=len(fixed["hub"]),
             contacts=len(fixed["contact"]), onset=n if fixed["discs"] else 0,
         )  # fmt: skip
+
+    def new_work(self, order: int, sizes: dict[str, int] | None = None):
+        """Scratch arrays that nobody else has, of the sizes of this system or of others."""
+        sizes = sizes or self.work_sizes(order)
+        width = sizes["width"]
         roots = work.Roots.zeros(sizes, order=order)
         k = np.arange(float(width))
         roots.counting[:], roots.pairing[:], roots.tripling[:] = k, k * (k - 1), k * (k - 1) * (k - 2)
@@ -264,7 +269,8 @@ class CompiledProblem:
         roots.short_table[:], roots.short_error[:], roots.short_powers[:] = short_tables(order, width)
         roots.left_half[:], roots.right_half[:] = halving_tables(order, width)
         step = work.Step.zeros(sizes, per_order=1.0 / order, per_order_before=1.0 / (order - 1))
-        firing = work.Firing.zeros(sizes, carried=self.carried)
+        firing = work.Firing.zeros(sizes)
+        firing.carried[: len(self.carried)] = self.carried
         return work.Work.zeros(sizes, roots=roots, step=step, firing=firing)
 
 

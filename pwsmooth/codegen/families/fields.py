@@ -21,19 +21,13 @@ def solvable(multiplier) -> bool:
     return multiplier.kind != "switch" or multiplier.regularity == "sliding"
 
 
-def sizes(body: Writer, count: int) -> None:
-    """Lines that read the numbers of elements."""
-    for f in range(count):
-        body.line(f"m{f} = n{f}")
-
-
 class FamilyFields:
     """Writes `fields`, `linear` and `act` of one template."""
 
-    def __init__(self, model: Model):
+    def __init__(self, model: Model, patch: bool = False):
         self.graph = graph = Graph(model)
         self.template = graph.template
-        self.model, self.layout = graph.model, Layout(graph.template)
+        self.model, self.layout = graph.model, Layout(graph.template, patch)
         self.h = surfaces(graph)
         self.rates = [graph.expression(e) for e in self.model.rhs]
         # What is never solved for needs no residual.
@@ -44,7 +38,7 @@ class FamilyFields:
     def write(self) -> dict[str, str]:
         sources = {name: Source() for name in ("fields", "linear", "act")}
         for source in sources.values():
-            source.constants["SIZES"] = len(self.template.periodic)
+            source.constants["SIZES"] = len(self.layout.sizes())
         lay = self.layout
         self._store(sources["fields"], "fields", "t, x, mult, p, dx, h, g", [
             (array, lay.starts[array][b], families[b], node)
@@ -59,7 +53,7 @@ class FamilyFields:
 
     def _body(self):
         body = Writer()
-        sizes(body, len(self.template.periodic))
+        body.lines += ["    " + line for line in self.layout.sizes()]
         return body, ElementCode(self.graph, body, self.layout)
 
     def _store(self, source: Source, name: str, arguments: str, entries) -> None:
@@ -67,7 +61,7 @@ class FamilyFields:
         body, code = self._body()
         roots = []
         for array, first, family, node, *step in entries:
-            at = first.text()
+            at = self.layout.text(array, first)
             if family is not None:
                 index = f"i{family}" if not step else f"{step[0]} * i{family}"
                 at = index if at == "0" else f"{at} + {index}"

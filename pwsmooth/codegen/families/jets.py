@@ -35,9 +35,9 @@ class FamilyJet(ElementMemory):
 
     name, arguments = "jet_slip", "t, x, mult, p, K, stride, rows, scratch"
 
-    def __init__(self, model: Model):
+    def __init__(self, model: Model, patch: bool = False):
         self.graph = graph = Graph(model)
-        self.model, self.layout = graph.model, Layout(graph.template)
+        self.model, self.layout = graph.model, Layout(graph.template, patch)
         self.states = [graph.var("x", i) for i in range(len(self.model.states))]
         rates = [graph.expression(e) for e in self.model.rhs]
         h = surfaces(graph)
@@ -47,12 +47,14 @@ class FamilyJet(ElementMemory):
         holders = (*self.model.multipliers, *self.model.events)
         self.has_surface = [s.surface is not None for s in holders]
         # A neighbour's slope would be a slope of the neighbour's rate: its series is general.
-        seen = frozenset(
-            graph.nodes[a].data[1]
+        read = {
+            graph.nodes[a].data
             for a in graph.reach(nodes, through=True)
             if graph.nodes[a].op == "var" and len(graph.nodes[a].data) == 3
-        )
+        }
+        seen = frozenset(data[1] for data in read)
         self.degrees = FamilyDegrees(graph, self.rates, self._solved(), seen)
+        self.read_states = sorted({data[1] for data in read if data[0] == "x"})
         self.source = Source()
         self.slots: dict[tuple[int, str], int] = {}
         self.closed: set[int] = set()
@@ -103,8 +105,7 @@ class FamilyJet(ElementMemory):
         self._block_sums(sums, order_k)
         start = self._start(order_k)
         body = Writer(1)
-        for f in range(len(lay.periodic)):
-            body.line(f"m{f} = n{f}")
+        body.lines += ["    " + line for line in lay.sizes()]
         self._bounds(body, order_k)
         body.lines += self._declared(start.lines, loop.lines)
         body.lines += start.lines
@@ -117,7 +118,7 @@ class FamilyJet(ElementMemory):
         self.source.helpers |= self.zero_code.helpers | order_k.helpers
         self.source.function(self.name, self.arguments, body, returns="I")
         self.source.constants = {
-            "SIZES": len(lay.periodic),
+            "SIZES": len(lay.sizes()),
             "ROW_FAMILIES": tuple(families),
             "SCRATCH": (
                 self.scratch.fixed,
@@ -133,22 +134,22 @@ class FamilyJet(ElementMemory):
         """Places of the rows of the whole and of the scratch numbers."""
         for row, family in enumerate(self.row_families):
             if family is None:
-                text = self.row_starts[row].text()
+                text = self.layout.row_text(self.row_starts[row])
                 body.line(f"o{row} = ({text}) * stride")
         name, length = self._more_scratch(None)
         at = Count(4 * len(order_k.of_family(None)))
         if length:
-            body.line(f"{name} = scratch + {at.text()}")
+            body.line(f"{name} = scratch + {at.text(self.layout.slots)}")
             at += Count(length)
         for f in range(len(self.layout.periodic)):
             products, slots = 4 * len(order_k.of_family(f)), len([key for key in self.slots if key[0] == f])
-            body.line(f"W{f} = scratch + {at.text()}")
+            body.line(f"W{f} = scratch + {at.text(self.layout.slots)}")
             at += one(f).times(products)
-            body.line(f"E{f} = scratch + {at.text()}")
+            body.line(f"E{f} = scratch + {at.text(self.layout.slots)}")
             at += one(f).times(slots)
             name, length = self._more_scratch(f)
             if length:
-                body.line(f"{name} = scratch + {at.text()}")
+                body.line(f"{name} = scratch + {at.text(self.layout.slots)}")
                 at += one(f).times(length)
         self.scratch = at
 
@@ -178,6 +179,8 @@ class FamilyJet(ElementMemory):
 
     def _order(self, code: FamilyOrderK, loop: Writer, final: bool) -> None:
         lay = self.layout
+        if final and lay.patch:
+            self._read_rim(code, loop)
         for i, node in enumerate(self.states):
             if lay.states[i] is None:
                 if self.degrees.of(node) in (CONSTANT, AFFINE):
@@ -202,6 +205,15 @@ class FamilyJet(ElementMemory):
         Sections(code, preamble, self._close if final else None).write(roots)
         if final:
             self._close_shared(code, loop)
+
+    def _read_rim(self, code: FamilyOrderK, loop: Writer) -> None:
+        """What the elements of a patch read of others: given rows, where their own rates would stand."""
+        for i in self.read_states:
+            f = self.layout.states[i]
+            if self._moves(i):
+                loop.line(f"for r{f} in range(m{f}, s{f}):")
+                kept = self.slot(f, self.old(f"d{i}"), f"r{f}")
+                loop.line(f"    {kept} = k * rows[{self.row_place(code.rows[self.states[i]], f, f'r{f}')} + k]")
 
     def _moves(self, i: int) -> bool:
         return self.degrees.of(self.states[i]) not in (CONSTANT, AFFINE)

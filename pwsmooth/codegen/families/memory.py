@@ -45,7 +45,7 @@ class ElementMemory:
         """Text of a number that an element keeps."""
         count = len([key for key in self.slots if key[0] == family])
         number = self.slots.setdefault((family, name), count)
-        return f"rows[E{family} + {number} * m{family} + {index or f'i{family}'}]"
+        return f"rows[E{family} + {number} * {self.layout.slots}{family} + {index or f'i{family}'}]"
 
     def old(self, name: str) -> str:
         return f"{name}{'ab'[self.code.order % 2]}"
@@ -54,7 +54,7 @@ class ElementMemory:
         return f"{name}{'ba'[self.code.order % 2]}"
 
     def row_place(self, row: int, family: int, index: str = "") -> str:
-        return f"({self.row_starts[row].text()} + {index or f'i{family}'}) * stride"
+        return f"({self.layout.row_text(self.row_starts[row])} + {index or f'i{family}'}) * stride"
 
     # ---- the top of a loop's body
 

@@ -44,14 +44,13 @@ class Placed:
 
     def place(self, kind: str, index: int, offset: int = 0) -> str:
         if kind == "i":
-            return f"i{index} + 1.0"
+            return self.layout.number(index)
         return self.layout.place(kind, index, self.graph.families[kind][index], offset)
 
     def formula(self, node: int) -> str:
         op, _, data = self.graph.nodes[node]
         if op == "inside":
-            family, offset = data
-            return f"i{family} + {offset} < m{family}" if offset > 0 else f"i{family} >= {-offset}"
+            return self.layout.is_inside(*data)
         return super().formula(node)  # type: ignore[misc]
 
     def total(self, node: int) -> str:
@@ -172,13 +171,5 @@ class Sections:
         """Indices of neighbours; beyond an open end the element's own."""
         result = []
         for family, sign, offset in sorted(set(NEIGHBOUR.findall("\n".join(lines)))):
-            name, step = f"j{family}{sign}{offset}", offset if sign == "p" else f"-{offset}"
-            inside = f"{name} < m{family}" if sign == "p" else f"{name} >= 0"
-            wrapped = f"{name} - m{family}" if sign == "p" else f"{name} + m{family}"
-            periodic = self.code.layout.periodic[int(family)]
-            result += [
-                f"{name} = i{family} + {step}" if sign == "p" else f"{name} = i{family} - {offset}",
-                f"if not {inside}:",
-                f"    {name} = {wrapped if periodic else f'i{family}'}",
-            ]
+            result += self.code.layout.index_of_neighbour(int(family), int(offset) if sign == "p" else -int(offset))
         return result

@@ -11,11 +11,11 @@ from .jets import FamilyJet
 from .sliding import FamilyGeneral
 
 
-def write_family_jets(model: Model) -> dict[str, str]:
-    """Sources as of jets.write_jets."""
+def write_family_jets(model: Model, patch: bool = False) -> dict[str, str]:
+    """Sources as of jets.write_jets, of all elements or of a patch of them (kernels/local)."""
     try:
-        sources = {"slip": FamilyJet(model).write()}
-        general = FamilyGeneral(model)
+        sources = {"slip": FamilyJet(model, patch).write()}
+        general = FamilyGeneral(model, patch)
         return sources | ({"general": general.write()} if general.residuals else {})
     except NoRecurrence as reason:
         return {"none": f"# no jets: {reason}\n"}

@@ -152,14 +152,18 @@ class Code:
         }
         self._engine = link(image)
         for f, n in enumerate(sizes):
-            ctypes.c_int64.from_address(self._engine.get_global_value_address(f"n{f}")).value = n
+            ctypes.c_int64.from_address(self.place(f"n{f}")).value = n
         self._tables = tables
         for i, table in enumerate(tables):
-            if place := self._engine.get_global_value_address(f"table{i}"):
+            if place := self.place(f"table{i}"):
                 ctypes.c_void_p.from_address(place).value = table.rows.ctypes.data
 
     def address(self, name: str) -> int:
         return self._engine.get_function_address(name)
+
+    def place(self, name: str) -> int:
+        """Address of a number or pointer that this copy of the code reads, 0 where it reads none."""
+        return self._engine.get_global_value_address(name)
 
 
 # Code that models share; it goes with the last of them.
@@ -173,15 +177,28 @@ def load(text: str, build, sizes: tuple[int, ...] = (), tables: tuple[Table, ...
     `build(text)` gives its object code. `sizes` are the numbers of elements of its families: the loops' bounds, in
     memory of this copy of the code, as are the addresses of the `tables`.
     """
-    name = hashlib.sha256(text.encode()).hexdigest()[:24]
+    name = _name(text)
     with _lock:
         code = _loaded.get((name, sizes, tables))
         if code is None:
-            stored = f"{name}.{machine_mark()}.o"
-            image = models().read(stored)
-            if image is None:
-                with announced("compiling the functions of a model", after=2):
-                    image = build(text)
-                models().write(stored, image)
-            code = _loaded[name, sizes, tables] = Code(text, image, sizes, tables)
+            code = _loaded[name, sizes, tables] = Code(text, _image(text, build), sizes, tables)
         return code
+
+
+def load_alone(text: str, build, tables: tuple[Table, ...] = ()) -> Code:
+    """A copy of its own, whose sizes one run changes as it goes."""
+    return Code(text, _image(text, build), (), tables)
+
+
+def _name(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+
+def _image(text: str, build) -> bytes:
+    stored = f"{_name(text)}.{machine_mark()}.o"
+    image = models().read(stored)
+    if image is None:
+        with announced("compiling the functions of a model", after=2):
+            image = build(text)
+        models().write(stored, image)
+    return image

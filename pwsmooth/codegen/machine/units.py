@@ -44,6 +44,7 @@ MORE_UNITS = {
     "replay": ("tangent.replay", "replay"),
     "growth": ("tangent.growth", "growth"),
     "diffuse_many": ("noise.many", "diffuse_many"),
+    "local": ("local.loop", "run"),
 }
 # Those of the smoothed path; behind the loop in the order of stiff_call.ATTEMPT_UNIT and its successors.
 STIFF_UNITS = {
@@ -111,6 +112,13 @@ def trajectory_loop():
     prototype = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 5)
     run = prototype(unit_address("run"))
     return lambda P, C, S, R, W: run(P.address, C.address, S.address, R.address, W.address)
+
+
+@cache
+def local_loop():
+    """kernels.local.loop.run as a Python function of six Bundles."""
+    run = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6)(unit_address("local"))
+    return lambda *bundles: run(*(b.address for b in bundles))
 
 
 @cache

@@ -1,0 +1,1 @@
+"""Events of a family that cost their neighbourhood, not the system."""

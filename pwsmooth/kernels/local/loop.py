@@ -1,0 +1,550 @@
+"""The loop over a family whose events cost their neighbourhood.
+
+    slab:   renew what moves, cluster by cluster, up to a common end
+            while some element has an event before that:
+                the elements that meet something now -> the instant -> new polynomials of what they reach
+
+What an event changes decays with the number of links that it crosses, the faster the shorter the time that is left:
+by tau^(q D) / (q D)! over D links, for rates of order q (docs: why an event is local). So a patch is renewed as far as
+its rim still changes by less than a share of the tolerances, which is looked at, not assumed.
+"""
+
+import math
+
+from numba import types
+
+from ..intervals import forget_intervals
+from ..machine.compiling import kernel, unit
+from ..machine.pointers import at, call_unit, float_bits
+from ..outcome import Outcome
+from ..state import AGAIN, AMB_GRAZING, GO_ON, Control, Problem, Record, State
+from ..step.meeting import find_first
+from ..step.recording import record_ambiguity
+from ..step.roots import NO_ROOT
+from ..step.steps import powers
+from ..trajectory import find_multipliers, propose
+from ..work import Work
+from ..instant.accumulation import AT_ONCE
+from .patch import (
+    begin_patch,
+    close_rim,
+    degree_of,
+    gather,
+    is_wall,
+    largest_change,
+    note_records,
+    open_rim,
+    reach,
+    scatter,
+    state_at,
+    take_in,
+    take_in_cluster,
+    take_in_readers,
+    write_asked,
+)
+from .queue import put_in_queue
+from .state import Assembly
+
+BEGIN, SLAB, EVENTS = range(3)  # phases
+EVENT, EXPIRY, END_OF_SLAB = range(3)  # why a patch is renewed
+_CHUNK = 64  # elements that are put at their start together
+_AROUND = 4  # links about them whose motion tells the orders in which a surface is left
+_DEEPEST = 40
+_EASY = 1e-4  # of what is allowed: a depth that leaves so little is more than enough
+_OFTEN = 24  # times
+_SOON = 0.25  # of the time ahead: what is read expires so early that it is renewed too
+_LOOK, _REST = 8, 24  # slabs of a look at what a length costs, and looks before another length is tried
+_BETTER = 0.93
+
+
+@kernel
+def _has_room(A, P, S, R):
+    """For all that may happen to the members at one instant."""
+    T, E = A.patch, A.kind
+    most = 8 * (E.nm + E.ne) * T.count + 64
+    if A.events + most >= len(A.event_t) or A.ambiguities + most >= len(A.ambiguity_t):
+        T.needs = 0
+        return False
+    if most >= len(R.event_t) or most >= len(R.ambiguity_t):
+        T.needs = T.most + 1
+        return False
+    return True
+
+
+@kernel
+def _bucket(time_left):
+    """The exponent of a time, from 0 to 127."""
+    return min(max((float_bits(max(time_left, 1e-300)) >> 52) - 1023 + 96, 0), 127)
+
+
+@kernel
+def _prepare_instant(A, S, W, t):
+    """What the members meet now, for the unit of the instant; whether they meet anything."""
+    T, E = A.patch, A.kind
+    instant = W.instant
+    instant.fold, instant.way, instant.at_clock, instant.solved_there = -1, 0, 0, 0
+    instant.met = instant.elapsed = 0.0
+    W.step.length = 1.0
+    some, stalled, rounding = False, -1, AT_ONCE * abs(t)
+    for k in range(T.count):
+        i = T.member[k]
+        for b in range(E.nm + E.ne):
+            if A.met[i, b] - t <= rounding:
+                W.meeting.tau[b * T.count + k] = 0.0
+                some = True
+                if t - A.begun[i] <= 1e-14 * (1.0 + abs(t)):
+                    stalled = max(stalled, A.stalled[i])
+    S.stalled = stalled
+    return some
+
+
+@kernel
+def _after_instant(A, S, t):
+    """Instants in succession of the members that met something, without progress in time."""
+    T, E = A.patch, A.kind
+    for k in range(T.count):
+        i = T.member[k]
+        A.stalled[i] = 0
+        for b in range(E.nm + E.ne):
+            if A.met[i, b] - t <= AT_ONCE * abs(t):
+                A.stalled[i] = min(S.stalled, 127)
+
+
+@kernel
+def _keep_grazes(A, S, R, t):
+    """Records what the members have grazed on polynomials that now end."""
+    T, E = A.patch, A.kind
+    for k in range(T.count):
+        i = T.member[k]
+        if A.fresh[i] == T.stamp:
+            continue
+        for b in range(E.nm + E.ne):
+            if A.grazed[i, b] < t:
+                S.t = A.grazed[i, b]
+                record_ambiguity(S, R, b * T.count + k, AMB_GRAZING, A.graze_crosses[i, b])
+                A.grazed[i, b] = math.inf
+    S.t = t
+
+
+@kernel
+def _take_in_rim_that_ends(A, t, stop):
+    """Takes in what the members read of motions that end before long; True if there are any."""
+    T = A.patch
+    some = False
+    for k in range(T.count, T.total):
+        i = T.member[k]
+        if t < A.known[i] < t + _SOON * (stop - t):
+            some = True
+    if some:
+        last = T.total
+        ends = t + _SOON * (stop - t)
+        first = T.count
+        # Members grow over what they read: from behind, each is looked at before it is written over.
+        for k in range(first, last):
+            i = T.member[k]
+            T.mark[i] = 0
+        count = first
+        for k in range(first, last):
+            i = T.member[k]
+            if t < A.known[i] < ends:
+                T.mark[i] = 2 * T.stamp
+                T.slot[i] = count
+                T.member[count] = i
+                count += 1
+        T.count = T.total = count
+    return some
+
+
+@kernel
+def _common_end(A, t, stop):
+    """Up to where all that is read is known."""
+    T = A.patch
+    for k in range(T.count, T.total):
+        i = T.member[k]
+        if A.known[i] > t:
+            stop = min(stop, A.known[i])
+    return stop
+
+
+@kernel
+def _grow(A, C, W, t, why):
+    """Takes in what the rim of a patch still acts on; True if there is any. Notes how far the event has reached."""
+    T = A.patch
+    members, h, most = T.count, W.step.length, 0.0
+    row, bucket = int(why == EXPIRY), _bucket(h)
+    failing = 0
+    for k in range(members):
+        i = T.member[k]
+        if not A.until[i] > A.begun[i]:
+            continue  # it has no polynomials yet
+        beyond = False
+        for e in range(A.reader_first[i], A.reader_first[i + 1]):
+            if T.mark[A.reader[e]] != 2 * T.stamp:
+                beyond = True
+        if beyond:
+            change = largest_change(A, C, W, k, t, h)
+            most = max(most, change)
+            if change > 1.0:
+                A.seen[i] = -1  # marked, until its readers are taken in
+                failing += 1
+    if failing == 0:
+        if most < _EASY:
+            T.easy[row, bucket] += 1
+            if T.easy[row, bucket] >= _OFTEN:
+                T.easy[row, bucket] = 0
+                T.depth[row, bucket] = max(T.depth[row, bucket] - 1, 1 - row)
+        else:
+            T.easy[row, bucket] = 0
+        return False
+    T.easy[row, bucket] = 0
+    T.depth[row, bucket] = min(T.depth[row, bucket] + 1, _DEEPEST)
+    return True
+
+
+@kernel
+def _take_in_failing(A):
+    T = A.patch
+    open_rim(A)
+    for k in range(T.count):
+        i = T.member[k]
+        if A.seen[i] == -1:
+            A.seen[i] = A.slabs
+            take_in_readers(A, i)
+
+
+@kernel
+def _renew(A, P, C, S, R, W, t, stop, why):
+    """New polynomials of the members of the patch from t on, up to `stop` at most; a code."""
+    T = A.patch
+    settled, checked = why != EVENT, why == END_OF_SLAB
+    first = True
+    while True:
+        if not close_rim(A) or not _has_room(A, P, S, R):
+            return Outcome.OUT_OF_MEMORY
+        if first and _take_in_rim_that_ends(A, t, stop):
+            continue
+        gather(A, P, C, S, W, t)
+        _keep_grazes(A, S, R, t)
+        first = False
+        C.t_end = _common_end(A, t, stop)
+        S.step = A.length[T.member[0]] if A.alone != 0 else C.t_end - t
+        code = GO_ON
+        if not settled and _prepare_instant(A, S, W, t):
+            code = call_unit(P.instant_unit, P, C, S, R, W)
+            _after_instant(A, S, t)
+            A.instants += 1
+        settled = True
+        while code == GO_ON or code == AGAIN:
+            S.points = 0
+            code = find_multipliers(P, C, S, R, W)
+            if code == GO_ON:
+                code = propose(P, C, S, R, W)
+                if code == GO_ON:
+                    break
+        note_records(A, P, S, R)
+        A.steps += S.steps
+        A.jets += S.jets
+        A.layers += S.layers
+        S.steps = S.jets = S.layers = 0
+        scatter(A, P, S, W, T.count)
+        if code != GO_ON:
+            return code
+        if checked or not _grow(A, C, W, t, why):
+            break
+        A.grown += 1
+        _take_in_failing(A)
+    h = W.step.length
+    if at(W.step.power, 1) != h:
+        powers(W.step.power, h)
+    find_first(P, C, S, W)
+    _keep(A, P, C, S, W, t, h)
+    return GO_ON
+
+
+@kernel
+def _keep(A, P, C, S, W, t, h):
+    """The members take over their polynomials, and when they meet what."""
+    T, E = A.patch, A.kind
+    M, places, K = T.count, T.total, C.order
+    A.renewed += M
+    A.spent += M
+    for k in range(M):
+        i = T.member[k]
+        for b in range(E.ns):
+            row, new = A.row[i, b], W.step.rows[b * places + k]
+            for c in range(K + 1):
+                row[c] = new[c]
+        c = A.keeps[i]
+        if c >= 0:
+            for b in range(E.nm):
+                if A.status[i, b] == 0:
+                    row, new = A.mult_row[c, b], W.step.rows[W.step.mult_row + b * M + k]
+                    for q in range(K + 1):
+                        row[q] = new[q]
+        A.begun[i], A.until[i], A.length[i] = t, C.t_end if W.end.stopped else t + h, h
+        A.known[i] = math.inf if is_wall(A, i) and _rests(A, i, K) else A.until[i]
+        key = math.inf
+        for b in range(E.nm + E.ne):
+            j = b * M + k
+            tau = W.meeting.tau[j]
+            A.met[i, b] = t + tau * h if tau <= 1.0 else math.inf
+            key = min(key, A.met[i, b])
+            grazed = W.meeting.grazed[j]
+            A.grazed[i, b] = t + grazed * h if grazed <= 1.0 else math.inf
+            A.graze_crosses[i, b] = W.meeting.graze_crosses[j]
+            A.widest[i, b] = W.meeting.widest[j]
+            if b < E.nm:
+                A.exit_side[i, b] = W.meeting.exit_side[j]
+        if A.until[i] < A.slab_end or (A.alone != 0 and A.until[i] < A.t_end):
+            key = min(key, A.until[i])
+        put_in_queue(A.queue, i, key)
+        _activate(A, i)
+
+
+@kernel
+def _activate(A, i):
+    """Element i is renewed at the end of every slab from now on."""
+    if A.active_place[i] < 0:
+        A.active_place[i] = A.actives
+        A.active[A.actives] = i
+        A.actives += 1
+
+
+@kernel
+def _retire(A, i):
+    """Element i is at rest among elements at rest: nothing is spent on it until a neighbour moves."""
+    k = A.active_place[i]
+    A.active_place[i] = -1
+    A.actives -= 1
+    if k < A.actives:
+        A.active[k] = A.active[A.actives]
+        A.active_place[A.active[k]] = k
+
+
+@kernel
+def _rests(A, i, K):
+    """Whether the motion of element i is known for ever: the states are polynomials of a low degree."""
+    for b in range(A.kind.ns):
+        if degree_of(A.row[i, b], K) > K // 2:
+            return False
+    return True
+
+
+@kernel
+def _begin(A, P, C, S, R, W):
+    """All elements at their start, some at a time, with enough about them to tell how surfaces are left; a code."""
+    T, E, n = A.patch, A.kind, len(A.begun)
+    while A.scanned < n:
+        begin_patch(A)
+        own = min(_CHUNK, n - A.scanned)
+        for k in range(own):
+            take_in(A, A.scanned + k)
+        reach(A, _AROUND)
+        if not close_rim(A) or not _has_room(A, P, S, R):
+            return Outcome.OUT_OF_MEMORY
+        gather(A, P, C, S, W, A.t)
+        S.started = 0
+        S.step = min(1e-3, C.max_step)
+        S.side[:] = 1
+        S.deflate[:] = 0
+        for j in range(P.m):
+            forget_intervals(S.last[j], A.t)
+        W.firing.last[:, :] = 0.0
+        W.meeting.widest[:] = 0.0
+        code = call_unit(P.instant_unit, P, C, S, R, W)
+        if code != GO_ON:
+            return code
+        # What holds from the start is no event.
+        S.events = 0
+        scatter(A, P, S, W, own)
+        for k in range(own):
+            i = T.member[k]
+            for b in range(E.ns):
+                A.row[i, b, 0] = A.x[i, b]
+            A.begun[i] = A.until[i] = A.known[i] = A.t
+            A.length[i] = S.step
+            for b in range(E.nm + E.ne):
+                A.met[i, b] = A.grazed[i, b] = math.inf
+        A.scanned += own
+    return GO_ON
+
+
+@kernel
+def _renew_all(A, P, C, S, R, W):
+    """New polynomials of all that is not at rest, from the beginning of a slab on; a code."""
+    T = A.patch
+    free = A.slab == 0.0 or A.alone != 0
+    stop = A.t_end if free else A.slab_end
+    while A.scanned < A.actives:
+        i = A.active[A.scanned]
+        if A.seen[i] != A.slabs and not is_wall(A, i):
+            begin_patch(A)
+            take_in(A, i)
+            take_in_cluster(A)
+            code = _renew(A, P, C, S, R, W, A.t, stop, END_OF_SLAB)
+            if code != GO_ON:
+                return code
+            for k in range(T.count):
+                A.seen[T.member[k]] = A.slabs
+            if free:
+                A.trial = min(A.trial, W.step.length)
+        A.scanned += 1
+    while A.scanned_rest < A.actives:
+        i = A.active[A.scanned_rest]
+        if A.seen[i] != A.slabs:
+            begin_patch(A)
+            take_in(A, i)
+            code = _renew(A, P, C, S, R, W, A.t, A.t_end, END_OF_SLAB)
+            if code != GO_ON:
+                return code
+            A.seen[i] = A.slabs
+            if A.known[i] == math.inf and A.slabs > 1:
+                if A.until[i] < A.t_end:
+                    put_in_queue(A.queue, i, min(A.queue.key[i], A.until[i]))
+                _retire(A, i)
+                continue  # another one stands in its place now
+        A.scanned_rest += 1
+    return GO_ON
+
+
+@kernel
+def _tune(A):
+    """The length of the next slab: by what the last ones have cost, in elements renewed a time."""
+    A.window += 1
+    if A.window < _LOOK:
+        return
+    rate = A.spent / A.spanned if A.spanned > 0.0 else 0.0
+    A.window, A.spent, A.spanned = 0, 0.0, 0.0
+    if A.trial != 1.0:
+        if rate < _BETTER * A.best:
+            A.best = rate
+            A.slab *= A.trial  # further the same way
+        else:
+            A.slab /= A.trial
+            A.way = 1.0 / A.trial
+            A.trial, A.rest = 1.0, 0
+        return
+    A.best = rate
+    A.rest += 1
+    if A.rest >= _REST:
+        A.trial = A.way
+        A.slab *= A.trial
+
+
+@kernel
+def _next_slab(A):
+    """Where the next slab begins and ends."""
+    if A.actives == 0:
+        A.t = min(A.queue.key[A.queue.heap[0]] if A.queue.size > 0 else A.t_end, A.t_end)
+    A.slab_begin = A.t
+    A.slab_end = A.t_end
+    if A.alone == 0 and A.slab > 0.0 and A.t + A.slab < A.t_end - 1e-9 * A.slab:
+        A.slab_end = A.t + A.slab
+    A.slabs += 1
+    A.scanned = A.scanned_rest = 0
+
+
+@kernel
+def _meets_now(A, t):
+    """Makes the elements whose key is t, to rounding, the members; why they are renewed."""
+    T, Q, E = A.patch, A.queue, A.kind
+    limit = t + AT_ONCE * abs(t)
+    begin_patch(A)
+    # Down the heap as long as keys are that early; the members so far are the places still to look at.
+    take_in(A, Q.heap[0])
+    k = 0
+    while k < T.count:
+        place = Q.place[T.member[k]]
+        for below in range(2 * place + 1, 2 * place + 3):
+            if below < Q.size and Q.key[Q.heap[below]] <= limit:
+                take_in(A, Q.heap[below])
+        k += 1
+    for k in range(T.count):
+        i = T.member[k]
+        for b in range(E.nm + E.ne):
+            if A.met[i, b] <= limit:
+                return EVENT
+    return EXPIRY
+
+
+@kernel
+def _act(A, P, C, S, R, W):
+    """All events of a slab, one instant after the other; a code."""
+    T, Q = A.patch, A.queue
+    count = 0
+    while Q.size > 0 and Q.key[Q.heap[0]] <= A.slab_end:
+        if count >= A.most:
+            return AGAIN  # to look at the clock
+        count += 1
+        t = Q.key[Q.heap[0]]
+        why = _meets_now(A, t)
+        if why == EXPIRY:
+            if t >= A.slab_end:
+                for k in range(T.count):
+                    put_in_queue(Q, T.member[k], math.inf)
+                    _activate(A, T.member[k])
+                continue
+            A.expiries += 1
+        reach(A, T.depth[int(why == EXPIRY), _bucket(A.slab_end - t)])
+        code = _renew(A, P, C, S, R, W, t, A.slab_end, why)
+        if code != GO_ON:
+            A.t = t
+            return code
+    return GO_ON
+
+
+@kernel
+def _finish(A, K):
+    """The states of all elements at the end, and what was asked for up to there."""
+    for i in range(len(A.begun)):
+        at_the_end = A.fresh[i] == A.patch.stamp
+        if not at_the_end:
+            write_asked(A, i, A.t, K, True)
+        for b in range(A.kind.ns):
+            A.x[i, b] = state_at(A, i, b, A.t, K)
+
+
+@unit(types.int64, Assembly, Problem, Control, State, Record, Work)
+def run(A, P, C, S, R, W):
+    """Advances the assembly to its end or to the first reason to return: an Outcome, or AGAIN where it may go on."""
+    code = _advance(A, P, C, S, R, W)
+    if code == Outcome.FINISHED:
+        begin_patch(A)
+    if code < GO_ON and code != Outcome.OUT_OF_MEMORY:
+        _finish(A, C.order)
+    return code
+
+
+@kernel
+def _advance(A, P, C, S, R, W):
+    if A.phase == BEGIN:
+        code = _begin(A, P, C, S, R, W)
+        if code != GO_ON:
+            return code
+        A.trial = math.inf
+        _next_slab(A)
+        A.phase = SLAB
+    while True:
+        if A.phase == SLAB:
+            code = _renew_all(A, P, C, S, R, W)
+            if code != GO_ON:
+                return code
+            if A.slabs == 1 and A.alone == 0:
+                # Now the motion of what rests is known, which others read: once more.
+                A.slab = A.trial if A.trial < math.inf else 0.1 * (A.t_end - A.t)
+                A.trial, A.way = 1.0, 0.5
+                _next_slab(A)
+                continue
+            A.phase = EVENTS
+        code = _act(A, P, C, S, R, W)
+        if code != GO_ON:
+            return code
+        A.spanned += A.slab_end - A.slab_begin
+        A.t = A.slab_end
+        if A.t >= A.t_end:
+            break
+        if A.alone == 0:
+            _tune(A)
+        _next_slab(A)
+        A.phase = SLAB
+    return Outcome.FINISHED

@@ -1,0 +1,432 @@
+"""A patch: some elements as a small system of their own, which the kernels of all systems then work on.
+
+Its members are computed; what they read of elements beside it has a motion that is known, its polynomials shifted to
+the present instant. The arrays of the small system (state.Problem and its kin) are one block for all patches: their
+extents are set anew for every one.
+"""
+
+import math
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from ..machine.compiling import inlined_kernel, kernel
+from ..machine.lanes import load8, store8
+from ..machine.pointers import at, call_fields, call_linear
+from ..state import HELD, SLIDING, SOLVED
+from ..step.roots import NO_ROOT
+from ..step.steps import dot, powers
+
+_GIVEN = 1e300  # absolute tolerance of a motion that is given
+_AT_ONCE = 1e-12  # of the time: what an element was left with so shortly ago still stands
+
+
+@intrinsic
+def _put_at(typingctx, address, value):
+    """Writes an int64 at an address."""
+
+    def codegen(context, builder, sig, args):
+        builder.store(args[1], builder.inttoptr(args[0], ir.IntType(64).as_pointer()))
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64), codegen
+
+
+# ---- members, and what they read
+
+
+@kernel
+def begin_patch(A):
+    A.patch.stamp += 1
+    A.patch.count = A.patch.total = 0
+
+
+@kernel
+def take_in(A, i):
+    """Makes element i a member."""
+    T = A.patch
+    if T.mark[i] != 2 * T.stamp:
+        T.mark[i] = 2 * T.stamp
+        T.slot[i] = T.count
+        T.member[T.count] = i
+        T.count += 1
+
+
+@kernel
+def is_wall(A, i):
+    """Whether element i sticks such that what happens on one side of it does not reach the other."""
+    if A.kind.walls == 0:
+        return False
+    for j in range(A.kind.nm):
+        if A.kind.kind[j] == SLIDING and A.status[i, j] != SOLVED:
+            return False
+    return True
+
+
+@kernel
+def take_in_readers(A, i):
+    for e in range(A.reader_first[i], A.reader_first[i + 1]):
+        take_in(A, A.reader[e])
+
+
+@kernel
+def reach(A, depth):
+    """Takes in what the members reach over so many links, through elements that move."""
+    first, last = 0, A.patch.count
+    for level in range(depth):
+        for k in range(first, last):
+            i = A.patch.member[k]
+            if level == 0 or not is_wall(A, i):
+                take_in_readers(A, i)
+        first, last = last, A.patch.count
+        if first == last:
+            break
+
+
+@kernel
+def take_in_cluster(A):
+    """Takes in all that is linked with the members through elements that move."""
+    k = 0
+    while k < A.patch.count:
+        i = A.patch.member[k]
+        if not is_wall(A, i):
+            take_in_readers(A, i)
+            for r in range(A.kind.nr):
+                take_in(A, A.near[i, r])
+        k += 1
+
+
+@kernel
+def open_rim(A):
+    """Forgets what the members read of others, which may be taken in now."""
+    T = A.patch
+    for k in range(T.count, T.total):
+        if T.mark[T.member[k]] == 2 * T.stamp + 1:
+            T.mark[T.member[k]] = 0
+    T.total = T.count
+
+
+@kernel
+def close_rim(A):
+    """Finds what the members read of others; False where there is no room for so many."""
+    T, nr = A.patch, A.kind.nr
+    T.total = T.count
+    for k in range(T.count):
+        i = T.member[k]
+        for r in range(nr):
+            j = A.near[i, r]
+            if T.mark[j] < 2 * T.stamp:
+                T.mark[j] = 2 * T.stamp + 1
+                T.slot[j] = T.total
+                T.member[T.total] = j
+                T.total += 1
+    if T.total > T.most:
+        T.needs = T.total
+        return False
+    for k in range(T.count):
+        i = T.member[k]
+        T.number[k] = i + 1.0
+        for r in range(nr):
+            T.near[nr * k + r] = float(T.slot[A.near[i, r]])
+    return True
+
+
+# ---- the small system
+
+
+@kernel
+def _row(A, block, own, fixed, k, members, places):
+    """Row of a block of rows for member k, -1 where there is none."""
+    if block < 0:
+        return -1
+    ns = A.kind.ns
+    states = min(block, ns)
+    return fixed + states * places + (block - states) * members + (k if own else 0)
+
+
+@kernel
+def shape(A, P, C, W):
+    """Overwrites what of the small system's arrays depends on the numbers of members and places."""
+    T, E = A.patch, A.kind
+    M, places = T.count, T.total
+    if T.shaped[0] == M and T.shaped[1] == places:
+        return
+    T.shaped[0], T.shaped[1] = M, places
+    for c in range(T.cell.shape[0]):
+        _put_at(T.cell[c, 0], T.cell[c, 1] + T.cell[c, 2] * M + T.cell[c, 3] * places)
+    nm, ne = E.nm, E.ne
+    P.n, P.m, P.ne = E.ns * places, nm * M, ne * M
+    P.mult_row = E.ns * places
+    P.own_slip = _row(A, E.rows_slip, 0, E.fixed_slip, 0, M, places)
+    P.own_general = _row(A, E.rows_general, 0, E.fixed_general, 0, M, places)
+    at_g = at_link = at_dh = at_group = 0
+    for b in range(nm):
+        for k in range(M):
+            j = b * M + k
+            P.kind[j], P.hidden[j], P.slope_moves[j], P.nested[j] = E.kind[b], E.hidden[b], E.slope_moves[b], E.nested[b]
+            P.surface_state[j] = E.surface_state[b] * places + k if E.surface_state[b] >= 0 else -1
+            P.g_row[j], P.link_row[j] = at_g, at_link
+            for e in range(E.g_first[b], E.g_first[b + 1]):
+                if E.g_block[e] == b:
+                    P.g_diagonal[j] = at_g
+                P.g_col[at_g] = E.g_block[e] * M + k
+                at_g += 1
+            for e in range(E.link_first[b], E.link_first[b + 1]):
+                P.link_col[at_link] = E.link_block[e] * M + k
+                at_link += 1
+    P.g_row[nm * M], P.link_row[nm * M] = at_g, at_link
+    for g in range(len(E.group_first) - 1):
+        for k in range(M):
+            P.block_row[g * M + k] = at_group
+            for e in range(E.group_first[g], E.group_first[g + 1]):
+                P.block_member[at_group] = E.group_block[e] * M + k
+                at_group += 1
+    P.block_row[(len(E.group_first) - 1) * M] = at_group
+    for b in range(nm + ne):
+        for k in range(M):
+            i = b * M + k
+            P.dh_row[i] = at_dh
+            for e in range(E.dh_first[b], E.dh_first[b + 1]):
+                P.dh_col[at_dh] = E.dh_block[e] * places + k
+                at_dh += 1
+            P.rows_slip[i] = _row(A, E.surface_slip[b], E.own_slip[b], E.of_slip[b], k, M, places)
+            P.rows_general[i] = _row(A, E.surface_general[b], E.own_general[b], E.of_general[b], k, M, places)
+    P.dh_row[(nm + ne) * M] = at_dh
+    for b in range(ne):
+        for k in range(M):
+            i = b * M + k
+            P.direction[i], P.terminal[i] = E.direction[b], E.terminal[b]
+            P.watch[i], P.watch_state[i], W.firing.carried[i] = 0, -1, E.carried[b]
+            twin = abs(E.twin[b]) - 1
+            P.twin[i] = (twin * M + k + 1) * (1 if E.twin[b] > 0 else -1) if twin >= 0 else 0
+    for b in range(len(E.shared)):
+        P.p[E.shared_fixed[b] + E.shared_blocks[b] * places] = E.shared[b]
+    for b in range(E.ns):
+        for s in range(places):
+            C.atol[b * places + s] = E.atol[b]
+            W.step.atol[b * places + s] = E.atol[b] if s < M else _GIVEN
+    W.meeting.rhythm[:, 0] = 0.0
+    W.meeting.rhythm[:, 1] = 1.0
+    W.step.nears = 0
+
+
+# ---- polynomials of elements
+
+
+@kernel
+def degree_of(row, K):
+    """Of a polynomial: its last order that is not 0."""
+    k = K
+    while k > 0 and row[k] == 0.0:
+        k -= 1
+    return k
+
+
+@inlined_kernel
+def value(A, row, since, K):
+    """A polynomial so long after its beginning."""
+    powers(A.power, since)
+    return dot(row, A.power, K + 1)
+
+
+@kernel
+def shifted(A, row, since, K, to):
+    """Overwrites `to` by the polynomial from so long after its beginning on.
+
+    With u_k = c_k s^k the new coefficients are sum_k binom(k, j) u_k / s^j: one product with a constant matrix.
+    """
+    degree = degree_of(row, K)
+    width = len(A.power)
+    if degree <= 1 or since == 0.0:
+        for k in range(0, K + 1, 8):
+            store8(to, k, load8(row, k))
+        to[0] = row[0] + since * row[1]
+        return
+    powers(A.power, since)
+    for k in range(0, K + 1, 8):
+        store8(A.terms, k, load8(row, k) * load8(A.power, k))
+    for start in range(0, K + 1, 8):
+        total = load8(A.shift, start) * at(A.terms, 0)
+        for k in range(1, degree + 1):
+            total = total + load8(A.shift, k * width + start) * at(A.terms, k)
+        store8(to, start, total)
+    # Powers that vanish belong to orders whose part on what is left is none.
+    for k in range(K + 1):
+        to[k] = to[k] / A.power[k] if A.power[k] > 1e-290 else row[k]
+
+
+@kernel
+def state_at(A, i, b, t, K):
+    """State b of element i at t."""
+    if A.fresh[i] == A.patch.stamp or A.begun[i] == t:
+        return A.x[i, b]
+    return value(A, A.row[i, b], t - A.begun[i], K)
+
+
+@kernel
+def write_asked(A, i, t, K, last):
+    """Keeps what was asked for of element i before t, at `last` too at it."""
+    c = A.keeps[i]
+    if c < 0:
+        return
+    k = A.next_asked[c]
+    while k < len(A.asked) and (A.asked[k] < t or (last and A.asked[k] <= t)):
+        since = A.asked[k] - A.begun[i]
+        for b in range(A.kind.ns):
+            A.x_asked[k, c, b] = value(A, A.row[i, b], since, K)
+        for j in range(A.kind.nm):
+            A.status_asked[k, c, j] = A.status[i, j] if A.status[i, j] != HELD else SOLVED
+            solved = A.status[i, j] == SOLVED
+            A.mult_asked[k, c, j] = value(A, A.mult_row[c, j], since, K) if solved else A.mult[i, j]
+        k += 1
+    A.next_asked[c] = k
+
+
+# ---- there and back
+
+
+@kernel
+def gather(A, P, C, S, W, t):
+    """Overwrites the small system's state by that of the members at t, and the rows of what they read."""
+    T, E = A.patch, A.kind
+    M, places, K = T.count, T.total, C.order
+    shape(A, P, C, W)
+    S.t, S.started = t, 1
+    S.step = A.length[T.member[0]]
+    S.ticks = S.points = S.events = S.ambiguities = S.pieces = S.taped = S.samples = 0
+    S.minute = S.stalled = 0
+    some = False
+    for k in range(M):
+        i = T.member[k]
+        again = A.fresh[i] == T.stamp
+        if not again:
+            write_asked(A, i, t, K, False)
+        for b in range(E.np):
+            P.p[E.p_fixed[b] + E.p_blocks[b] * places + k] = A.p[i, b]
+        for b in range(E.ns):
+            S.x[b * places + k] = state_at(A, i, b, t, K)
+        known = again or t - A.begun[i] <= _AT_ONCE * (1.0 + abs(t))
+        for b in range(E.nm):
+            j = b * M + k
+            S.mult[j], S.status[j] = A.mult[i, b], A.status[i, b]
+            some = some or (not known and S.status[j] == SOLVED)
+            for c in range(6):
+                S.last[j, c] = A.last[i, b, c]
+            W.meeting.exit_side[j] = A.exit_side[i, b]
+        for b in range(E.ne):
+            j = b * M + k
+            S.side[j] = A.side[i, b]
+            for c in range(6):
+                W.firing.last[j, c] = A.fired[i, b, c]
+        for b in range(E.nm + E.ne):
+            j = b * M + k
+            S.deflate[j] = A.deflate[i, b] if known else 0
+            W.meeting.widest[j] = A.widest[i, b]
+            W.meeting.tau[j] = NO_ROOT
+        S.minute = max(S.minute, A.minute[i])
+    for k in range(M, places):
+        i = T.member[k]
+        for b in range(E.np):
+            P.p[E.p_fixed[b] + E.p_blocks[b] * places + k] = A.p[i, b]
+        for b in range(E.ns):
+            S.x[b * places + k] = 0.0
+            W.step.rows[b * places + k, :] = 0.0
+        for c in range(len(E.read)):
+            b = E.read[c]
+            row = W.step.rows[b * places + k]
+            shifted(A, A.row[i, b], t - A.begun[i], K, row)
+            S.x[b * places + k] = row[0]
+    if some:
+        _keep_on_surfaces(A, P, S, W)
+
+
+@kernel
+def _keep_on_surfaces(A, P, S, W):
+    """Puts the members exactly on the surfaces that they slide on."""
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    linear = False
+    for j in range(P.m):
+        if S.status[j] != SOLVED or P.kind[j] != SLIDING or W.h[j] == 0.0:
+            continue
+        if P.surface_state[j] >= 0:
+            S.x[P.surface_state[j]] = 0.0
+            continue
+        if not linear:
+            call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+            linear = True
+        square = 0.0
+        for e in range(P.dh_row[j], P.dh_row[j + 1]):
+            square += W.dh[e] ** 2
+        if square > 0.0:
+            for e in range(P.dh_row[j], P.dh_row[j + 1]):
+                S.x[P.dh_col[e]] -= W.dh[e] * W.h[j] / square
+
+
+@kernel
+def scatter(A, P, S, W, count):
+    """The first `count` members take over what the small system has come to at its instant."""
+    T, E = A.patch, A.kind
+    M, places = T.count, T.total
+    for k in range(count):
+        i = T.member[k]
+        A.fresh[i] = T.stamp
+        for b in range(E.ns):
+            A.x[i, b] = S.x[b * places + k]
+        for b in range(E.nm):
+            j = b * M + k
+            A.mult[i, b], A.status[i, b] = S.mult[j], S.status[j]
+            A.exit_side[i, b] = W.meeting.exit_side[j]
+            for c in range(6):
+                A.last[i, b, c] = S.last[j, c]
+        for b in range(E.ne):
+            j = b * M + k
+            A.side[i, b] = S.side[j]
+            for c in range(6):
+                A.fired[i, b, c] = W.firing.last[j, c]
+        for b in range(E.nm + E.ne):
+            j = b * M + k
+            A.deflate[i, b] = S.deflate[j]
+            A.widest[i, b] = W.meeting.widest[j]
+        A.minute[i] = S.minute
+
+
+@kernel
+def note_records(A, P, S, R):
+    """Takes over what the small system has recorded: surfaces are numbered as those of the whole system."""
+    T, E = A.patch, A.kind
+    M, n = T.count, len(A.begun)
+    for a in range(S.events):
+        j = R.event[a, 0]
+        A.event_t[A.events] = R.event_t[a]
+        A.event[A.events, 0] = (j // M) * n + T.member[j % M]
+        for c in range(1, 4):
+            A.event[A.events, c] = R.event[a, c]
+        A.events += 1
+    for a in range(S.ambiguities):
+        j = R.ambiguity[a, 0]
+        A.ambiguity_t[A.ambiguities] = R.ambiguity_t[a]
+        A.ambiguity[A.ambiguities, 0] = (j // M) * n + T.member[j % M]
+        for c in range(1, 3):
+            A.ambiguity[A.ambiguities, c] = R.ambiguity[a, c]
+        A.ambiguities += 1
+    S.events = S.ambiguities = 0
+
+
+@kernel
+def largest_change(A, C, W, k, t, h):
+    """By how much the new polynomials of member k differ from the old ones on the next h, in units of its tolerances."""
+    T, E = A.patch, A.kind
+    i, K, most = T.member[k], C.order, 0.0
+    for b in range(E.ns):
+        new = W.step.rows[b * T.total + k]
+        shifted(A, A.row[i, b], t - A.begun[i], K, A.old)
+        total, power, size = 0.0, 1.0, abs(new[0])
+        for c in range(K + 1):
+            total += abs(new[c] - A.old[c]) * power
+            power *= h
+        size += abs(new[1]) * h
+        change = total / (A.share * (E.atol[b] + C.rtol * size))
+        if not change <= most:
+            most = change
+    return most if most >= 0.0 else math.inf

@@ -1,0 +1,162 @@
+"""What a run of a family knows of each of its elements, and of the patch that it works on.
+
+Sizes: `elements`; an element's states ns, multipliers nm, events ne and parameters np; nr neighbours that its rates
+read, of whose states they read `nx`; `kept` elements of which more is kept, at `times`; `width` of a row.
+"""
+
+from ..machine.block import Bundle
+
+
+class Kind(Bundle):
+    """One element: what state.Problem says of all, block by block of the template."""
+
+    ns: "int"
+    nm: "int"
+    ne: "int"
+    np: "int"
+    nr: "int"
+    walls: "int"  # 1: nothing that others read of an element depends on its neighbours while it sticks
+    rows_slip: "int"  # blocks of rows of elements in the programs, and rows of the whole
+    rows_general: "int"
+    fixed_slip: "int"
+    fixed_general: "int"
+    read: "i8[nx]"  # states that neighbours read
+    kind: "i8[nm]"
+    hidden: "i8[nm]"
+    slope_moves: "i8[nm]"
+    nested: "i8[nm]"
+    surface_state: "i8[nm]"
+    g_first: "i8[nm + 1]"
+    g_block: "i8[:]"
+    link_first: "i8[nm + 1]"
+    link_block: "i8[:]"
+    group_first: "i8[:]"
+    group_block: "i8[:]"
+    dh_first: "i8[nm + ne + 1]"
+    dh_block: "i8[:]"
+    surface_slip: "i8[nm + ne]"  # blocks of elements before the surface's row, -1 where it has none
+    surface_general: "i8[nm + ne]"
+    of_slip: "i8[nm + ne]"  # rows of the whole before it
+    of_general: "i8[nm + ne]"
+    own_slip: "i8[nm + ne]"  # whether every element has its own
+    own_general: "i8[nm + ne]"
+    direction: "i8[ne]"
+    terminal: "i8[ne]"
+    twin: "i8[ne]"
+    carried: "i8[ne]"
+    atol: "f8[ns]"
+    p_fixed: "i8[np]"  # where the parameters stand: numbers of the whole before a block, and blocks of elements
+    p_blocks: "i8[np]"
+    shared_fixed: "i8[:]"
+    shared_blocks: "i8[:]"
+    shared: "f8[:]"
+
+
+class Queue(Bundle):
+    """Elements by the time of their next event: a binary heap that knows where each of them stands."""
+
+    size: "int"
+    heap: "i8[elements]"
+    place: "i8[elements]"  # -1 for what is not in it
+    key: "f8[elements]"
+
+
+class Patch(Bundle):
+    """The elements that are renewed together, and those whose motion they read."""
+
+    stamp: "int"
+    count: "int"  # members
+    total: "int"  # with those that are read
+    shaped: "i8[2]"  # numbers for which the arrays of the small problem are made
+    member: "i8[elements]"  # the members, then those that are read
+    mark: "i8[elements]"  # twice the stamp: a member; one more: it is read
+    slot: "i8[elements]"
+    near: "f8[near_places]"  # tables of the programs
+    number: "f8[most]"
+    cell: "i8[cells, 4]"  # address, number, so many for each member, and for each place
+    depth: "i8[2, 128]"  # how far events (expiries) reached lately, by the exponent of the time that is left
+    easy: "i8[2, 128]"  # times in succession that it was more than enough
+    most: "int"  # members and places for which there is room
+    needs: "int"  # and for which there is to be
+
+
+class Assembly(Bundle):
+    """A run over all elements."""
+
+    kind: Kind
+    queue: Queue
+    patch: Patch
+    phase: "int"  # 0: nothing is known yet; 1: slabs end; 2: events inside of one
+    t: "float"
+    t_end: "float"
+    slab_begin: "float"
+    slab_end: "float"
+    slab: "float"  # length
+    share: "float"  # of the tolerances, by which the rim of a patch may change
+    alone: "int"  # 1: no element reads another one
+    most: "int"  # events before the run comes back to look at the clock
+    way: "float"  # factor of the slab's length that is tried next
+    # ---- elements
+    near: "i8[elements, nr]"  # itself beyond an open end
+    reader_first: "i8[elements + 1]"
+    reader: "i8[:]"
+    p: "f8[elements, np]"
+    x: "f8[elements, ns]"  # at `begun`
+    row: "f8[elements, ns, width]"  # polynomials from `begun` to `until`
+    begun: "f8[elements]"
+    until: "f8[elements]"
+    known: "f8[elements]"  # up to where others may read it: for ever, while it rests as a wall does
+    length: "f8[elements]"  # of the last step
+    fresh: "i8[elements]"  # the patch in which x was set last
+    mult: "f8[elements, nm]"
+    status: "i1[elements, nm]"
+    side: "i1[elements, ne]"
+    deflate: "i1[elements, nm + ne]"
+    exit_side: "i1[elements, nm]"
+    met: "f8[elements, nm + ne]"  # when each surface is met, inf for never
+    grazed: "f8[elements, nm + ne]"
+    graze_crosses: "i1[elements, nm + ne]"
+    widest: "f8[elements, nm + ne]"
+    last: "f8[elements, nm, 6]"
+    fired: "f8[elements, ne, 6]"
+    stalled: "i1[elements]"
+    minute: "i8[elements]"
+    active: "i8[elements]"  # those that are renewed at the end of a slab
+    actives: "int"
+    active_place: "i8[elements]"  # -1: at rest among elements at rest
+    seen: "i8[elements]"  # the slab at whose start it was renewed
+    slabs: "int"
+    scanned: "int"
+    scanned_rest: "int"
+    # ---- counters, and the length of a slab by them
+    steps: "int"
+    jets: "int"
+    layers: "int"
+    instants: "int"
+    expiries: "int"
+    renewed: "int"  # elements
+    grown: "int"  # patches that reached further than expected
+    window: "int"  # slabs in this look
+    spent: "float"  # elements renewed in it
+    spanned: "float"  # time
+    best: "float"  # elements a time
+    trial: "float"  # factor that is tried, 1 for none; at first the shortest step
+    rest: "int"
+    # ---- what is kept
+    event_t: "f8[room]"
+    event: "i8[room, 4]"  # number of the surface among those of the whole system, kind, from, to
+    events: "int"
+    ambiguity_t: "f8[unsure]"
+    ambiguity: "i8[unsure, 3]"
+    ambiguities: "int"
+    asked: "f8[times]"
+    keeps: "i8[elements]"  # its number among those that are kept, or -1
+    next_asked: "i8[kept]"
+    x_asked: "f8[times, kept, ns]"
+    mult_asked: "f8[times, kept, nm]"
+    status_asked: "i1[times, kept, nm]"
+    mult_row: "f8[kept, nm, width]"
+    shift: "f8[width*width]"  # binomials, by columns
+    power: "f8[width]"
+    terms: "f8[width]"
+    old: "f8[width]"

@@ -1,0 +1,404 @@
+"""A run of a family whose events cost their neighbourhood: the arrays that the kernel works on, and its Solution.
+
+Chain: solve -> event_driven.py, or **this file** where the structure allows it -> kernels/local/loop.py.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from ..definition.model import Model
+from ..definition.template import Families, family_model
+from ..kernels import state as names
+from ..kernels.local import state as local
+from ..results.records import EventLog, Outcome
+from ..results.solution import Solution
+from .budget import SLICE, Budget
+from .problem import CompiledProblem, compiled_problem, longest_step, terms
+from .words import ambiguities_in_words, event_words
+
+LOCAL_FROM = 100  # elements: of fewer one loop over all is as fast
+_FEW = 3  # elements of the small system that tells what holds for one
+_SHARE = 0.1  # of the tolerances, by which the rim of a patch may change
+_FIRST_ROOM = 256  # members and places of a patch, events in the log
+_COLUMNS, _MANY = 201, 1000  # of a run that is asked for no times; of more elements only the ends are kept
+_EMPTY = np.zeros(0, np.int64)
+
+
+def why_global(model: Model) -> str:
+    """What makes every event of a model one of the whole system; "" where it is one of a neighbourhood."""
+    families = model.families
+    if families is None:
+        return "its elements are written out"
+    template = families.template
+    text = template.model
+    if len(families.sizes) != 1:
+        return "it has several families"
+    moving = [*text.rhs]
+    for holder in (*text.multipliers, *text.events):
+        moving += [e for e in (holder.surface, getattr(holder, "residual", None)) if e is not None]
+    for event in text.events:
+        moving += [e for _, e in event.update] + ([event.when] if isinstance(event.when, sp.Basic) else [])
+    used = set().union(*(e.free_symbols for e in moving))
+    if used & {s for s, _, _ in template.sums}:
+        return "a sum over the elements acts on them"
+    for kind in ("states", "multipliers", "events"):
+        if None in template.families(kind):
+            return f"some of its {kind} belong to no element"
+    if any(e.every is not None or e.at for e in text.events):
+        return "it has events at given times"
+    states = set(text.states)
+    read = {p.base for s, p in template.places if p.base is not None and p.offset}
+    if read - states - set(text.parameters):
+        return "elements read the multipliers of others"
+    return _why_not_by_series(_small(template))
+
+
+def _why_not_by_series(parts: CompiledProblem) -> str:
+    if not parts.has_jets or parts.singular:
+        return "some function has no Taylor series everywhere"
+    fixed = parts.fixed
+    if fixed["look_slip"] or fixed["look_general"] or fixed["watches"]:
+        return "some function is flat far from zero, or has a singular argument"
+    if parts.fold is not None or fixed["discs"] or len(fixed["contact"]) or np.any(parts.kind == names.SECOND_ORDER):
+        return "its switches have folds, contacts or slides of second order"
+    return ""
+
+
+@functools.lru_cache(maxsize=16)
+def _small(template: Any) -> CompiledProblem:
+    """A few elements: what it knows of one holds for any number."""
+    return compiled_problem(family_model(Families(template, (_FEW,))))
+
+
+def run_locally(
+    system: Any, t0: float, t1: float, start: Any, times: Any, options: Any, order: int, spending: Budget
+) -> Solution:
+    """The Solution of one run, every event of which renews the elements that it reaches."""
+    return _Run(system, options, order).solve(t0, t1, start, times, spending)
+
+
+class _Run:
+    """The arrays of one run."""
+
+    def __init__(self, system: Any, options: Any, order: int):
+        from ..codegen.machine.units import local_loop
+        from ..codegen.patch import PatchCode
+
+        self.system, self.model, self.options, self.order = system, system.model, options, order
+        families = self.model.families
+        self.n = families.sizes[0]
+        self.template = families.template
+        self.parts = _small(self.template)
+        self.code = PatchCode(family_model(Families(self.template, (_FEW,))))
+        self.loop = local_loop()
+        text = self.template.model
+        self.ns, self.nm, self.ne = len(text.states), len(text.multipliers), len(text.events)
+        self.width = terms(order)
+        self._layout()
+
+    # ---- what holds for one element
+
+    def _layout(self) -> None:
+        """Blocks of the parameters and of the rows of the programs."""
+        families = self.template.families("parameters")
+        own = [f is not None for f in families]
+        self.own_parameters = np.flatnonzero(own)
+        self.p_fixed = np.cumsum([0, *(not o for o in own)])[:-1]
+        self.p_blocks = np.cumsum([0, *own])[:-1]
+        self.rows = {}
+        for name in ("slip", "general"):
+            constants = self.code.constants.get(name)
+            if constants is None:
+                continue
+            each = np.array([f is not None for f in constants["ROW_FAMILIES"]], bool)
+            surfaces = np.array(constants["SURFACE_ROWS"], np.int64).reshape(-1)
+            before = np.cumsum([0, *each])
+            fixed = np.cumsum([0, *~each])
+            has = surfaces >= 0
+            self.rows[name] = {
+                "blocks": int(before[-1]), "fixed": int(fixed[-1]), "scratch": constants["SCRATCH"],
+                "surface": np.where(has, before[surfaces], -1), "of": np.where(has, fixed[surfaces], 0),
+                "own": np.where(has, each[surfaces], False).astype(np.int64),
+            }  # fmt: skip
+
+    def _pattern(self, rows: Any) -> tuple[np.ndarray, np.ndarray]:
+        ends = np.cumsum([0, *map(len, rows)])
+        return ends.astype(np.int64), np.array([b for row in rows for b in row], np.int64)
+
+    def _kind(self) -> Any:
+        fixed, few, nm, ne = self.parts.fixed, _FEW, self.nm, self.ne
+        linear = self.code.constants["linear"]
+        g_rows = [list(row) for row in linear["G_ROWS"]]
+        links = [sorted({*row, *(i for i, r in enumerate(g_rows) if j in r)} - {j}) for j, row in enumerate(g_rows)]
+        groups: list[list[int]] = []
+        for j in range(nm):
+            linked = [g for g in groups if set(links[j]) & set(g)]
+            groups = [g for g in groups if g not in linked] + [sorted({j, *(i for g in linked for i in g)})]
+        g_first, g_block = self._pattern(g_rows)
+        link_first, link_block = self._pattern(links)
+        group_first, group_block = self._pattern(sorted(groups))
+        dh_first, dh_block = self._pattern(linear["DH_ROWS"])
+        self.groups, self.g_block, self.link_block = groups, g_block, link_block
+        self.group_block, self.dh_block = group_block, dh_block
+        place = self.template.place
+        read = sorted({
+            self.template.model.states.index(p.base) for p in place.values()
+            if p.offset and p.base in self.template.model.states
+        })  # fmt: skip
+        slip, general = self.rows["slip"], self.rows.get("general", self.rows["slip"])
+        twin = fixed["twin"][::few]
+        sizes = dict(ns=self.ns, nm=nm, ne=ne, nx=len(read), np=len(self.p_fixed))
+        return local.Kind.zeros(
+            sizes, ns=self.ns, nm=nm, ne=ne, np=len(self.own_parameters), nr=len(self.code.offsets),
+            walls=int(_walls(self.template)), read=np.array(read, np.int64),
+            kind=self.parts.kind[::few], hidden=fixed["hidden"][::few], slope_moves=fixed["slope_moves"][::few],
+            nested=fixed["nested"][::few], surface_state=_blocks(fixed["surface_state"][::few]),
+            g_first=g_first, g_block=g_block, link_first=link_first, link_block=link_block,
+            group_first=group_first, group_block=group_block, dh_first=dh_first, dh_block=dh_block,
+            rows_slip=slip["blocks"], rows_general=general["blocks"], fixed_slip=slip["fixed"],
+            fixed_general=general["fixed"], surface_slip=slip["surface"], surface_general=general["surface"],
+            of_slip=slip["of"], of_general=general["of"], own_slip=slip["own"], own_general=general["own"],
+            direction=fixed["direction"][::few], terminal=fixed["terminal"][::few],
+            twin=np.sign(twin) * (_blocks(np.abs(twin) - 1) + 1), carried=self.parts.carried[nm * few :: few],
+            atol=np.maximum(self.atol[:: self.n], 1e-300), p_fixed=self.p_fixed[self.own_parameters],
+            p_blocks=self.p_blocks[self.own_parameters],
+            **dict(zip(("shared_fixed", "shared_blocks", "shared"), self.shared, strict=True)),
+        )  # fmt: skip
+
+    # ---- the small system
+
+    def _sizes(self, members: int, places: int) -> dict[str, int]:
+        """Of the arrays of the small system."""
+        m, ne = self.nm * members, self.ne * members
+        rows = 0
+        for of in self.rows.values():
+            states = min(of["blocks"], self.ns)
+            count = of["fixed"] + states * places + (of["blocks"] - states) * members
+            fixed, each = of["scratch"]
+            rows = max(rows, count + -(-(fixed + each * places) // self.stride))
+        entries, gradients = len(self.g_block) * members, len(self.dh_block) * members
+        return {
+            "n": self.ns * places, "m": m, "ne": ne, "nz": 0, "blocks": len(self.groups) * members,
+            "width": self.stride, "rows": rows, "fold_size": 0, "entries": entries,
+            "gradients": gradients + m + ne, "fold_entries": 0, "fold_gradients": 0,
+            "group": max(map(len, self.groups), default=0), "hubs": 0, "contacts": 0, "onset": 0, "room": 16,
+            "pieces": 0, "polynomials": 0, "order": 0, "tapes": 0, "times": 0,
+            "p": len(self.p_fixed) - len(self.own_parameters) + len(self.own_parameters) * places,
+            "g_col": entries, "link_col": len(self.link_block) * members, "dh_col": gradients,
+            "block_member": len(self.group_block) * members,
+        }  # fmt: skip
+
+    def _bundles(self, most: int) -> None:
+        """The small system with room for so many members and places."""
+        self.stride = self.width + names.PAD
+        sizes = self._sizes(most, most)
+        fixed, code = self.parts.fixed, self.code.address
+        open_ended = {name: np.zeros(sizes[name], np.int64) for name in ("g_col", "link_col", "dh_col", "block_member")}
+        numbers = {
+            name: value for name, value in fixed.items()
+            if isinstance(names.Problem.members[name], type(names.Problem.members["n"]))
+        }  # fmt: skip
+        numbers |= {
+            "fields": code["fields"], "linear": code["linear"], "act": code["act"] if self.ne else 0,
+            "jet_slip": code["slip"], "jet_general": code["general"],
+        }  # fmt: skip
+        empty = {name: _EMPTY for name in ("fold_col", "hub", "contact", "flat_slip", "flat_general", "flat_fold")}
+        self.P = names.Problem.zeros(sizes, **numbers, **empty, **open_ended, p=np.zeros(sizes["p"]), fold_bias=np.zeros(0))
+        self.P.weight[:] = 1.0
+        self.P.disc_of[:] = -1
+        self.P.watch_state[:] = -1
+        self.P.rows_fold[:] = self.P.rows_pair[:] = -1
+        options = self.options
+        self.C = names.Control.zeros(
+            sizes, order=self.order, rtol=options.rtol, max_step=min(options.max_step, longest_step(self.order)),
+            max_steps=2**62, strict=int(options.strict), clock=np.empty(0), clock_event=_EMPTY,
+        )  # fmt: skip
+        self.S = names.State.zeros(sizes)
+        log = 8 * (self.nm + self.ne) * most + 128
+        given = dict(
+            event_t=np.zeros(log), event=np.zeros((log, 4), np.int64),
+            ambiguity_t=np.zeros(log), ambiguity=np.zeros((log, 3), np.int64),
+        )  # fmt: skip
+        self.R = names.Record.zeros(sizes, **given)
+        self.W = self.parts.new_work(self.order, sizes)
+        instant, step = self.W.instant, self.W.step
+        instant.fold = instant.rests = step.refused = -1
+        self.most = most
+        table = [
+            [*cell] for bundle in (self.P, self.C, self.S, self.R, self.W)
+            for cell in self._cells(bundle, given if bundle is self.R else ())
+        ]  # fmt: skip
+        table += [[address, 0, 1, 0] for address in self.code.sizes[0]]
+        table += [[address, 0, 0, 1] for address in self.code.sizes[1]]
+        near, number = np.zeros(len(self.code.offsets) * most + 1), np.zeros(most + 1)
+        self.code.give(near, number)
+        patch = self.A.patch
+        for name, value in (("cell", np.array(table, np.int64)), ("near", near), ("number", number)):
+            patch.members[name].give(patch, value)
+        patch.shaped[:] = -1
+        patch.most = most
+
+    def _cells(self, bundle: Any, given: Any) -> Any:
+        """(address, so many at least, for each member, for each place) of the extents of a Bundle's arrays."""
+        base, of_member, of_place = (self._sizes(*k) for k in ((0, 0), (1, 0), (0, 1)))
+        kinds = type(bundle).members
+        for name, member in kinds.items():
+            if hasattr(member, "struct"):
+                yield from self._cells(getattr(bundle, name), ())
+                continue
+            if not hasattr(member, "shape") or member.pointer or name in given:
+                continue
+            for axis, size in enumerate(member.shape):
+                at = bundle.address + 8 * (member.at + 1 + axis)
+                if size == ":":
+                    first, each, place = (s.get(name, 0) for s in (base, of_member, of_place))
+                else:
+                    first, each, place = (_extent(size, s) for s in (base, of_member, of_place))
+                if each != first or place != first:
+                    yield at, first, each - first, place - first
+
+    # ---- the whole
+
+    def _assembly(self, t0: float, t1: float, start: np.ndarray, times: np.ndarray) -> None:
+        n, ns, nm, ne = self.n, self.ns, self.nm, self.ne
+        offsets = self.code.offsets
+        values = np.array(self.system.parameter_values, float)
+        blocks = self.model.families.starts("parameters")
+        of_all = np.setdiff1d(np.arange(len(self.p_fixed)), self.own_parameters)
+        self.shared = self.p_fixed[of_all], self.p_blocks[of_all], values[[blocks[b] for b in of_all]]
+        i = np.arange(n)
+        near = np.empty((n, len(offsets)), np.int64)
+        for r, offset in enumerate(offsets):
+            j = i + offset
+            near[:, r] = j % n if self.template.periodic[0] else np.where((j >= 0) & (j < n), j, i)
+        pairs = np.stack([near.ravel(), np.repeat(i, len(offsets))], axis=1)
+        pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
+        first = np.concatenate([[0], np.cumsum(np.bincount(pairs[:, 0], minlength=n))])
+        sizes = dict(
+            elements=n, ns=ns, nm=nm, ne=ne, nr=len(offsets), np=len(self.own_parameters), width=self.width,
+            kept=n, times=len(times), room=4 * _FIRST_ROOM + 2 * n, unsure=4 * _FIRST_ROOM, most=0, near_places=0, cells=0,
+        )  # fmt: skip
+        queue = local.Queue.zeros(sizes)
+        queue.place[:], queue.key[:] = -1, math.inf
+        patch = local.Patch.zeros(sizes)
+        A = self.A = local.Assembly.zeros(
+            sizes, kind=self._kind(), queue=queue, patch=patch, near=near, reader_first=first.astype(np.int64),
+            reader=np.ascontiguousarray(pairs[:, 1]), asked=times, t=t0, t_end=t1, share=_SHARE,
+            alone=int(len(pairs) == 0), most=SLICE,
+        )  # fmt: skip
+        patch.stamp = 1
+        patch.depth[:] = 1
+        patch.depth[1] = 0
+        A.x[:] = start.reshape(ns, n).T
+        A.row[:, :, 0] = A.x
+        A.begun[:] = A.until[:] = t0
+        A.status[:] = 1
+        A.met[:] = A.grazed[:] = math.inf
+        A.active[:], A.active_place[:], A.actives = i, i, n
+        A.seen[:], A.keeps[:] = -1, i
+        for k in range(self.order + 1):
+            A.shift[k * self.width : k * self.width + k + 1] = [math.comb(k, j) for j in range(k + 1)]
+        for a, b in enumerate(self.own_parameters):
+            A.p[:, a] = values[blocks[b] : blocks[b + 1]]
+
+    def solve(self, t0: float, t1: float, start: Any, times: Any, spending: Budget) -> Solution:
+        options = self.options
+        self.atol = np.broadcast_to(options.atol, self.n * self.ns)
+        asked = times
+        if times is None:
+            asked = np.linspace(t0, t1, _COLUMNS) if self.n <= _MANY else np.array([t0, t1])
+        self._assembly(t0, t1, np.array(start, float), np.asarray(asked, float))
+        self._bundles(_FIRST_ROOM)
+        A = self.A
+        code = names.AGAIN
+        while True:
+            before = A.renewed
+            code = self.loop(A, self.P, self.C, self.S, self.R, self.W)
+            spending.spend((A.renewed - before) // self.n + 1)
+            if code == Outcome.OUT_OF_MEMORY:
+                self._enlarge()
+            elif code != names.AGAIN:
+                break
+            elif spending.late():
+                code = Outcome.TIME_LIMIT
+                break
+            elif spending.left <= 0:
+                code = Outcome.TOO_MANY_STEPS
+                break
+        return self._solution(Outcome(code), asked)
+
+    def _enlarge(self) -> None:
+        A = self.A
+        if A.patch.needs:
+            self._bundles(max(2 * self.most, A.patch.needs))
+            return
+        for time, what in (("event_t", "event"), ("ambiguity_t", "ambiguity")):
+            for name in (time, what):
+                old = getattr(A, name)
+                new = np.zeros((2 * len(old) + 8 * (self.nm + self.ne) * self.most, *old.shape[1:]), old.dtype)
+                new[: len(old)] = old
+                type(A).members[name].give(A, new)
+
+    def _solution(self, outcome: Outcome, times: np.ndarray) -> Solution:
+        A, n = self.A, self.n
+        reached = int(A.next_asked.min(initial=len(times)))
+
+        def columns(kept: np.ndarray) -> np.ndarray:
+            return kept[:reached].transpose(2, 1, 0).reshape(-1, reached)
+
+        events, ambiguities = A.events, A.ambiguities
+        cost = {"steps": A.steps, "jets": A.jets, "events": events, "layers": A.layers}
+        tolerances = {"rtol": self.options.rtol, "atol": float(self.atol.max(initial=0.0)), "order": self.order}
+        log = EventLog(A.event_t[:events].copy(), A.event[:events].copy(), event_words(self.model))
+        unsure = []
+        if ambiguities:
+            unsure = ambiguities_in_words(self.model, A.ambiguity_t[:ambiguities], A.ambiguity[:ambiguities])
+        return Solution(
+            self.system, times[:reached], columns(A.x_asked), columns(A.mult_asked),
+            columns(A.status_asked), log, None, outcome, cost, tolerances, unsure, self.system.parameters, None,
+        )  # fmt: skip
+
+
+def _blocks(numbers: np.ndarray) -> np.ndarray:
+    """Numbers of a few elements -> their blocks."""
+    return np.where(numbers >= 0, numbers // _FEW, -1)
+
+
+def _extent(size: str, sizes: dict[str, int]) -> int:
+    from ..kernels.machine.block import _product
+
+    return sum(_product(term, sizes) for term in size.split("+"))
+
+
+def _walls(template: Any) -> bool:
+    """Whether what others read of an element that sticks does not depend on its neighbours."""
+    model = template.model
+    sliding = [m for m in model.multipliers if m.kind == "switch" and m.regularity == "sliding"]
+    if not sliding:
+        return False
+    beside = {s for s, p in template.places if p.base is not None and p.offset}
+    solved = [m for m in model.multipliers if m.kind == "algebraic" or m in sliding]
+    try:
+        found = sp.solve([m.residual for m in solved], [m.symbol for m in solved], dict=True)
+    except (NotImplementedError, ValueError):
+        return False
+    if len(found) != 1:
+        return False
+    rates = dict(zip(model.states, (sp.cancel(r.subs(found[0])) for r in model.rhs), strict=True))
+    waiting, known = [p.base for _, p in template.places if p.offset and p.base in rates], set()
+    while waiting:
+        x = waiting.pop()
+        if x in known:
+            continue
+        known.add(x)
+        free = rates[x].free_symbols
+        if free & beside:
+            return False
+        waiting += [s for s in free if s in rates]
+    return True
