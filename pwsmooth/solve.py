@@ -17,6 +17,7 @@ import numpy as np
 from .definition import checks
 from .paths.budget import MOST_STEPS, opened
 from .paths.event_driven import LOOSEST, EventDriven, Options, prepared_run
+from .paths.local import LOCAL_FROM, MANY, run_locally, runs_locally
 from .results.solution import Outcome, Solution
 
 
@@ -38,6 +39,7 @@ def solve(
     parameters: Mapping[Any, float] | None = None,
     noise: Any = None,
     with_respect_to: Sequence[Any] | None = None,
+    local: bool | None = None,
 ) -> Solution:
     """Solve a piecewise-smooth system from `x0` over `t_span`.
 
@@ -88,6 +90,11 @@ def solve(
     with_respect_to : sequence of str or Symbol, optional
         Quantities by which the solution is differentiated, through every event: parameters, states and memories (their
         initial values), and "t0", the start of the span. The solution's `derivatives` has the results.
+    local : bool, optional
+        Whether an event of a `Family` renews only the elements that it reaches, at a cost that does not depend on their
+        number, or all of them. By default it does where the structure allows it (`System.describe` says), of
+        {few} elements and more with `t_eval`, and of more than {many} elements without: then the solution has
+        the start and the end alone.
 
     Returns
     -------
@@ -180,6 +187,8 @@ def solve(
         rows = with_respect_to is not None
         taped = rows or (dense_output and model.families is None)
         options = Options(method, rtol, atol, dense_output, max_step, max_steps, order, strict, taped, rows)
+        if runs_locally(model, options, times, local, kicks is not None, with_respect_to is not None):
+            return run_locally(system, t0, t1, start, times, options, spending)
         ready = prepared_run(model, options)
         if with_respect_to is not None and not ready.by_series:
             ready = prepared_run(model, options._replace(dense=True))
@@ -230,6 +239,9 @@ def solve(
     if with_respect_to is not None:
         solution.derived = derived
     return solution
+
+
+solve.__doc__ = (solve.__doc__ or "").replace("{few}", str(LOCAL_FROM)).replace("{many}", str(MANY))
 
 
 def taped_run(

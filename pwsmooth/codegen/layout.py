@@ -87,7 +87,6 @@ class Layout:
         index = neighbour(family, offset) if offset else f"i{family}"
         return f"{array}[{start + ' + ' if start != '0' else ''}{index}]"
 
-
     def text(self, array: str, count: Count) -> str:
         """A place in an array, in generated code."""
         return count.text("s" if self.patch and array in WITH_RIM else "m")

@@ -183,7 +183,7 @@ class EventDriven:
         rtol = max(options.rtol, FINEST_OF_ONE_STEP) if self.one_step else options.rtol
         atol = options.atol
         # Their polynomials have degree 7 at most.
-        self.order = 7 if self.one_step else options.order or _order_for(rtol, parts.code.by_responses)
+        self.order = 7 if self.one_step else options.order or order_for(rtol, parts.code.by_responses)
         self.tolerances = {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "order": self.order}
         if self.rows:
             self.most_rows = _MOST_ROWS // (8 * (parts.code.n + parts.code.m) * (self.order + 1))
@@ -463,7 +463,7 @@ class EventDriven:
         clock, owners = (
             (control.clock, control.clock_event) if self.clocked else (np.empty(0), np.empty(0, int))
         )
-        order = _order_for(control.rtol, False) if self.one_step else control.order
+        order = order_for(control.rtol, False) if self.one_step else control.order
         dense = None if self.one_step else kept.get("dense")
         may_pair = not self.by_series
         return Tape(self.model, p.copy(), order, control.rtol, clock, owners, entries, values, dense, may_pair)
@@ -582,7 +582,7 @@ class EventDriven:
         return Dense(time[:, 0].copy(), ends, blocks[:, :n], blocks[:, n:-1], time, lengths)
 
 
-def _order_for(rtol: float, by_responses: bool) -> int:
+def order_for(rtol: float, by_responses: bool) -> int:
     """Order of the Taylor polynomials, the fastest of eight models at 1e-6, 1e-9 and 1e-12 or near it.
 
     Linear models and products alike: longer steps outweigh longer products up to 20 or 22. Above, rounding grows with

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from ..definition import checks
 from ..definition.model import Model
 from ..definition.template import Families, family_model
 from ..kernels import state as names
@@ -19,6 +20,7 @@ from ..kernels.local import state as local
 from ..results.records import EventLog, Outcome
 from ..results.solution import Solution
 from .budget import SLICE, Budget
+from .event_driven import order_for
 from .problem import CompiledProblem, compiled_problem, longest_step, terms
 from .words import ambiguities_in_words, event_words
 
@@ -26,7 +28,8 @@ LOCAL_FROM = 100  # elements: of fewer one loop over all is as fast
 _FEW = 3  # elements of the small system that tells what holds for one
 _SHARE = 0.1  # of the tolerances, by which the rim of a patch may change
 _FIRST_ROOM = 256  # members and places of a patch, events in the log
-_COLUMNS, _MANY = 201, 1000  # of a run that is asked for no times; of more elements only the ends are kept
+MANY = 1000  # elements, of more of which a run that is asked for no times keeps the ends alone
+_COLUMNS = 201  # of a run of fewer that is asked for none
 _EMPTY = np.zeros(0, np.int64)
 
 
@@ -47,9 +50,13 @@ def why_global(model: Model) -> str:
     used = set().union(*(e.free_symbols for e in moving))
     if used & {s for s, _, _ in template.sums}:
         return "a sum over the elements acts on them"
-    for kind in ("states", "multipliers", "events"):
+    for kind in ("states", "events"):
         if None in template.families(kind):
             return f"some of its {kind} belong to no element"
+    for mu, family in zip(text.multipliers, template.families("multipliers"), strict=True):
+        known = {text.time, *text.parameters}
+        if family is None and not (mu.kind == "switch" and mu.surface.free_symbols <= known):
+            return f"multiplier {mu.symbol} belongs to no element and does not switch at known times"
     if any(e.every is not None or e.at for e in text.events):
         return "it has events at given times"
     states = set(text.states)
@@ -63,44 +70,89 @@ def _why_not_by_series(parts: CompiledProblem) -> str:
     if not parts.has_jets or parts.singular:
         return "some function has no Taylor series everywhere"
     fixed = parts.fixed
-    if fixed["look_slip"] or fixed["look_general"] or fixed["watches"]:
-        return "some function is flat far from zero, or has a singular argument"
-    if parts.fold is not None or fixed["discs"] or len(fixed["contact"]) or np.any(parts.kind == names.SECOND_ORDER):
+    if fixed["watches"]:
+        return "some function has a singular argument"
+    if (
+        parts.fold is not None
+        or fixed["discs"]
+        or len(fixed["contact"])
+        or np.any(parts.kind == names.SECOND_ORDER)
+    ):
         return "its switches have folds, contacts or slides of second order"
     return ""
 
 
+def _small_families(template: Any) -> Families:
+    """A few elements: what is known of one of them holds for any number."""
+    return Families(template, (_FEW,))
+
+
 @functools.lru_cache(maxsize=16)
 def _small(template: Any) -> CompiledProblem:
-    """A few elements: what it knows of one holds for any number."""
-    return compiled_problem(family_model(Families(template, (_FEW,))))
+    return compiled_problem(family_model(_small_families(template)))
+
+
+def runs_locally(
+    model: Model, options: Any, times: Any, asked: bool | None, noisy: bool, derived: bool
+) -> bool:
+    """Whether a run goes by neighbourhoods; `asked` forces it, if it can.
+
+    Raises
+    ------
+    ValueError
+        Asked for where it cannot be.
+    """
+    asked = asked if asked is None else checks.flag(asked, "`local`")
+    if asked is False or (asked is None and model.families is None):
+        return False
+    small = model.families is not None and sum(model.families.sizes) < (
+        LOCAL_FROM if times is not None else MANY + 1
+    )
+    if asked is None and small:
+        return False
+    kept = "`dense_output`" if options.dense else "`noise`" if noisy else "`with_respect_to`" if derived else ""
+    if kept:
+        reason = f"{kept} is given, which takes the whole system"
+    elif options.method not in ("auto", "taylor"):
+        reason = f"method {options.method!r} steps the whole system"
+    else:
+        reason = why_global(model)
+    if asked and reason:
+        raise ValueError(f"`local` is True, but {reason}; leave `local` out.")
+    return not reason
 
 
 def run_locally(
-    system: Any, t0: float, t1: float, start: Any, times: Any, options: Any, order: int, spending: Budget
+    system: Any, t0: float, t1: float, start: Any, times: Any, options: Any, spending: Budget
 ) -> Solution:
     """The Solution of one run, every event of which renews the elements that it reaches."""
-    return _Run(system, options, order).solve(t0, t1, start, times, spending)
+    options = options.checked(system.model)
+    return _Run(system, options).solve(t0, t1, start, times, spending)
 
 
 class _Run:
     """The arrays of one run."""
 
-    def __init__(self, system: Any, options: Any, order: int):
+    def __init__(self, system: Any, options: Any):
         from ..codegen.machine.units import local_loop
         from ..codegen.patch import PatchCode
 
-        self.system, self.model, self.options, self.order = system, system.model, options, order
+        self.system, self.model, self.options = system, system.model, options
+        self.order = options.order or order_for(options.rtol, False)
         families = self.model.families
         self.n = families.sizes[0]
         self.template = families.template
         self.parts = _small(self.template)
-        self.code = PatchCode(family_model(Families(self.template, (_FEW,))))
+        self.code = PatchCode(family_model(_small_families(self.template)))
         self.loop = local_loop()
         text = self.template.model
         self.ns, self.nm, self.ne = len(text.states), len(text.multipliers), len(text.events)
-        self.width = terms(order)
+        self.width = terms(self.order)
         self._layout()
+        # Numbers of a block of the few elements: their first one.
+        starts = _small_families(self.template).starts
+        self.m_at = np.array(starts("multipliers")[:-1], np.int64)
+        self.e_at = np.array(starts("events")[:-1], np.int64)
 
     # ---- what holds for one element
 
@@ -120,11 +172,12 @@ class _Run:
             surfaces = np.array(constants["SURFACE_ROWS"], np.int64).reshape(-1)
             before = np.cumsum([0, *each])
             fixed = np.cumsum([0, *~each])
-            has = surfaces >= 0
+            has, flat = surfaces >= 0, np.array(constants["FLAT_ROWS"], np.int64)
             self.rows[name] = {
                 "blocks": int(before[-1]), "fixed": int(fixed[-1]), "scratch": constants["SCRATCH"],
                 "surface": np.where(has, before[surfaces], -1), "of": np.where(has, fixed[surfaces], 0),
-                "own": np.where(has, each[surfaces], False).astype(np.int64),
+                "own": np.where(has, each[surfaces], False).astype(np.int64), "flat": before[flat],
+                "flat_of": fixed[flat], "flat_own": each[flat].astype(np.int64),
             }  # fmt: skip
 
     def _pattern(self, rows: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -132,10 +185,19 @@ class _Run:
         return ends.astype(np.int64), np.array([b for row in rows for b in row], np.int64)
 
     def _kind(self) -> Any:
-        fixed, few, nm, ne = self.parts.fixed, _FEW, self.nm, self.ne
+        fixed, nm, ne = self.parts.fixed, self.nm, self.ne
+        own = np.array(
+            [f is not None for kind in ("multipliers", "events") for f in self.template.families(kind)], bool
+        )
+        self.fixed_m, self.blocks_m = int((~own[:nm]).sum()), int(own[:nm].sum())
+        firsts = self.model.families.starts
+        first = [*firsts("multipliers")[:-1], *(firsts("multipliers")[-1] + i for i in firsts("events")[:-1])]
+        of_m, of_e = self.m_at, self.e_at
         linear = self.code.constants["linear"]
         g_rows = [list(row) for row in linear["G_ROWS"]]
-        links = [sorted({*row, *(i for i, r in enumerate(g_rows) if j in r)} - {j}) for j, row in enumerate(g_rows)]
+        links = [
+            sorted({*row, *(i for i, r in enumerate(g_rows) if j in r)} - {j}) for j, row in enumerate(g_rows)
+        ]
         groups: list[list[int]] = []
         for j in range(nm):
             linked = [g for g in groups if set(links[j]) & set(g)]
@@ -151,21 +213,28 @@ class _Run:
             self.template.model.states.index(p.base) for p in place.values()
             if p.offset and p.base in self.template.model.states
         })  # fmt: skip
-        slip, general = self.rows["slip"], self.rows.get("general", self.rows["slip"])
-        twin = fixed["twin"][::few]
+        slip = self.rows["slip"]
+        none = dict.fromkeys(("flat", "flat_of", "flat_own"), _EMPTY)
+        general = self.rows.get("general", slip | none)
+        twin = fixed["twin"][of_e]
+        twins = [np.searchsorted(of_m, abs(j) - 1, "right") if j else 0 for j in twin]  # blocks, from 1
         sizes = dict(ns=self.ns, nm=nm, ne=ne, nx=len(read), np=len(self.p_fixed))
         return local.Kind.zeros(
             sizes, ns=self.ns, nm=nm, ne=ne, np=len(self.own_parameters), nr=len(self.code.offsets),
             walls=int(_walls(self.template)), read=np.array(read, np.int64),
-            kind=self.parts.kind[::few], hidden=fixed["hidden"][::few], slope_moves=fixed["slope_moves"][::few],
-            nested=fixed["nested"][::few], surface_state=_blocks(fixed["surface_state"][::few]),
+            s_fixed=np.cumsum([0, *~own])[:-1], s_blocks=np.cumsum([0, *own])[:-1], s_own=own.astype(np.int64),
+            s_first=np.array(first, np.int64), fixed_m=self.fixed_m, blocks_m=self.blocks_m,
+            kind=self.parts.kind[of_m], hidden=fixed["hidden"][of_m], slope_moves=fixed["slope_moves"][of_m],
+            nested=fixed["nested"][of_m], surface_state=_blocks(fixed["surface_state"][of_m]),
             g_first=g_first, g_block=g_block, link_first=link_first, link_block=link_block,
             group_first=group_first, group_block=group_block, dh_first=dh_first, dh_block=dh_block,
             rows_slip=slip["blocks"], rows_general=general["blocks"], fixed_slip=slip["fixed"],
             fixed_general=general["fixed"], surface_slip=slip["surface"], surface_general=general["surface"],
             of_slip=slip["of"], of_general=general["of"], own_slip=slip["own"], own_general=general["own"],
-            direction=fixed["direction"][::few], terminal=fixed["terminal"][::few],
-            twin=np.sign(twin) * (_blocks(np.abs(twin) - 1) + 1), carried=self.parts.carried[nm * few :: few],
+            flat_slip=slip["flat"], flat_general=general["flat"], flat_of_slip=slip["flat_of"],
+            flat_of_general=general["flat_of"], flat_own_slip=slip["flat_own"],
+            flat_own_general=general["flat_own"], direction=fixed["direction"][of_e], terminal=fixed["terminal"][of_e],
+            twin=np.sign(twin) * np.array(twins, np.int64), carried=self.parts.carried[of_e],
             atol=np.maximum(self.atol[:: self.n], 1e-300), p_fixed=self.p_fixed[self.own_parameters],
             p_blocks=self.p_blocks[self.own_parameters],
             **dict(zip(("shared_fixed", "shared_blocks", "shared"), self.shared, strict=True)),
@@ -175,23 +244,24 @@ class _Run:
 
     def _sizes(self, members: int, places: int) -> dict[str, int]:
         """Of the arrays of the small system."""
-        m, ne = self.nm * members, self.ne * members
+        m, ne = self.fixed_m + self.blocks_m * members, self.ne * members
         rows = 0
         for of in self.rows.values():
             states = min(of["blocks"], self.ns)
             count = of["fixed"] + states * places + (of["blocks"] - states) * members
             fixed, each = of["scratch"]
             rows = max(rows, count + -(-(fixed + each * places) // self.stride))
-        entries, gradients = len(self.g_block) * members, len(self.dh_block) * members
+        entries, gradients = self.fixed_m + len(self.g_block) * members, len(self.dh_block) * members
         return {
-            "n": self.ns * places, "m": m, "ne": ne, "nz": 0, "blocks": len(self.groups) * members,
+            "n": self.ns * places, "m": m, "ne": ne, "nz": 0, "blocks": self.fixed_m + len(self.groups) * members,
             "width": self.stride, "rows": rows, "fold_size": 0, "entries": entries,
             "gradients": gradients + m + ne, "fold_entries": 0, "fold_gradients": 0,
             "group": max(map(len, self.groups), default=0), "hubs": 0, "contacts": 0, "onset": 0, "room": 16,
             "pieces": 0, "polynomials": 0, "order": 0, "tapes": 0, "times": 0,
             "p": len(self.p_fixed) - len(self.own_parameters) + len(self.own_parameters) * places,
             "g_col": entries, "link_col": len(self.link_block) * members, "dh_col": gradients,
-            "block_member": len(self.group_block) * members,
+            **{f"flat_{name}": int((1 + (members - 1) * of["flat_own"]).sum()) for name, of in self.rows.items()},
+            "block_member": self.fixed_m + len(self.group_block) * members,
         }  # fmt: skip
 
     def _bundles(self, most: int) -> None:
@@ -199,7 +269,10 @@ class _Run:
         self.stride = self.width + names.PAD
         sizes = self._sizes(most, most)
         fixed, code = self.parts.fixed, self.code.address
-        open_ended = {name: np.zeros(sizes[name], np.int64) for name in ("g_col", "link_col", "dh_col", "block_member")}
+        open_ended = {
+            name: np.zeros(sizes.get(name, 0), np.int64)
+            for name in ("g_col", "link_col", "dh_col", "block_member", "flat_slip", "flat_general")
+        }
         numbers = {
             name: value for name, value in fixed.items()
             if isinstance(names.Problem.members[name], type(names.Problem.members["n"]))
@@ -208,8 +281,10 @@ class _Run:
             "fields": code["fields"], "linear": code["linear"], "act": code["act"] if self.ne else 0,
             "jet_slip": code["slip"], "jet_general": code["general"],
         }  # fmt: skip
-        empty = {name: _EMPTY for name in ("fold_col", "hub", "contact", "flat_slip", "flat_general", "flat_fold")}
-        self.P = names.Problem.zeros(sizes, **numbers, **empty, **open_ended, p=np.zeros(sizes["p"]), fold_bias=np.zeros(0))
+        empty = {name: _EMPTY for name in ("fold_col", "hub", "contact", "flat_fold")}
+        self.P = names.Problem.zeros(
+            sizes, **numbers, **empty, **open_ended, p=np.zeros(sizes["p"]), fold_bias=np.zeros(0)
+        )
         self.P.weight[:] = 1.0
         self.P.disc_of[:] = -1
         self.P.watch_state[:] = -1
@@ -281,8 +356,8 @@ class _Run:
         pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
         first = np.concatenate([[0], np.cumsum(np.bincount(pairs[:, 0], minlength=n))])
         sizes = dict(
-            elements=n, ns=ns, nm=nm, ne=ne, nr=len(offsets), np=len(self.own_parameters), width=self.width,
-            kept=n, times=len(times), room=4 * _FIRST_ROOM + 2 * n, unsure=4 * _FIRST_ROOM, most=0, near_places=0, cells=0,
+            elements=n, ns=ns, nm=nm, ne=ne, nr=len(offsets), np=len(self.own_parameters), width=self.width, kept=n,
+            times=len(times), room=4 * _FIRST_ROOM + 2 * n, unsure=4 * _FIRST_ROOM, most=0, near_places=0, cells=0,
         )  # fmt: skip
         queue = local.Queue.zeros(sizes)
         queue.place[:], queue.key[:] = -1, math.inf
@@ -312,7 +387,7 @@ class _Run:
         self.atol = np.broadcast_to(options.atol, self.n * self.ns)
         asked = times
         if times is None:
-            asked = np.linspace(t0, t1, _COLUMNS) if self.n <= _MANY else np.array([t0, t1])
+            asked = np.linspace(t0, t1, _COLUMNS) if self.n <= MANY else np.array([t0, t1])
         self._assembly(t0, t1, np.array(start, float), np.asarray(asked, float))
         self._bundles(_FIRST_ROOM)
         A = self.A
@@ -346,7 +421,7 @@ class _Run:
                 type(A).members[name].give(A, new)
 
     def _solution(self, outcome: Outcome, times: np.ndarray) -> Solution:
-        A, n = self.A, self.n
+        A = self.A
         reached = int(A.next_asked.min(initial=len(times)))
 
         def columns(kept: np.ndarray) -> np.ndarray:

@@ -171,5 +171,7 @@ class Sections:
         """Indices of neighbours; beyond an open end the element's own."""
         result = []
         for family, sign, offset in sorted(set(NEIGHBOUR.findall("\n".join(lines)))):
-            result += self.code.layout.index_of_neighbour(int(family), int(offset) if sign == "p" else -int(offset))
+            result += self.code.layout.index_of_neighbour(
+                int(family), int(offset) if sign == "p" else -int(offset)
+            )
         return result

@@ -13,18 +13,18 @@ import math
 
 from numba import types
 
+from ..instant.accumulation import AT_ONCE
 from ..intervals import forget_intervals
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import at, call_unit, float_bits
 from ..outcome import Outcome
 from ..state import AGAIN, AMB_GRAZING, GO_ON, Control, Problem, Record, State
+from ..step.looking import shorten_to_fit
 from ..step.meeting import find_first
 from ..step.recording import record_ambiguity
-from ..step.roots import NO_ROOT
 from ..step.steps import powers
 from ..trajectory import find_multipliers, propose
 from ..work import Work
-from ..instant.accumulation import AT_ONCE
 from .patch import (
     begin_patch,
     close_rim,
@@ -33,6 +33,7 @@ from .patch import (
     is_wall,
     largest_change,
     note_records,
+    number_of,
     open_rim,
     reach,
     scatter,
@@ -90,7 +91,7 @@ def _prepare_instant(A, S, W, t):
         i = T.member[k]
         for b in range(E.nm + E.ne):
             if A.met[i, b] - t <= rounding:
-                W.meeting.tau[b * T.count + k] = 0.0
+                W.meeting.tau[number_of(E, b, T.count, k)] = 0.0
                 some = True
                 if t - A.begun[i] <= 1e-14 * (1.0 + abs(t)):
                     stalled = max(stalled, A.stalled[i])
@@ -121,7 +122,7 @@ def _keep_grazes(A, S, R, t):
         for b in range(E.nm + E.ne):
             if A.grazed[i, b] < t:
                 S.t = A.grazed[i, b]
-                record_ambiguity(S, R, b * T.count + k, AMB_GRAZING, A.graze_crosses[i, b])
+                record_ambiguity(S, R, number_of(E, b, T.count, k), AMB_GRAZING, A.graze_crosses[i, b])
                 A.grazed[i, b] = math.inf
     S.t = t
 
@@ -249,14 +250,18 @@ def _renew(A, P, C, S, R, W, t, stop, why):
         scatter(A, P, S, W, T.count)
         if code != GO_ON:
             return code
+        h = W.step.length
+        if at(W.step.power, 1) != h:
+            powers(W.step.power, h)
+        best = find_first(P, C, S, W)
+        if W.step.unsure != 0:
+            fits, best = shorten_to_fit(P, C, S, W, best)
+            if fits != h:
+                h, W.end.stopped = fits, 0
         if checked or not _grow(A, C, W, t, why):
             break
         A.grown += 1
         _take_in_failing(A)
-    h = W.step.length
-    if at(W.step.power, 1) != h:
-        powers(W.step.power, h)
-    find_first(P, C, S, W)
     _keep(A, P, C, S, W, t, h)
     return GO_ON
 
@@ -278,14 +283,14 @@ def _keep(A, P, C, S, W, t, h):
         if c >= 0:
             for b in range(E.nm):
                 if A.status[i, b] == 0:
-                    row, new = A.mult_row[c, b], W.step.rows[W.step.mult_row + b * M + k]
+                    row, new = A.mult_row[c, b], W.step.rows[W.step.mult_row + number_of(E, b, M, k)]
                     for q in range(K + 1):
                         row[q] = new[q]
         A.begun[i], A.until[i], A.length[i] = t, C.t_end if W.end.stopped else t + h, h
         A.known[i] = math.inf if is_wall(A, i) and _rests(A, i, K) else A.until[i]
         key = math.inf
         for b in range(E.nm + E.ne):
-            j = b * M + k
+            j = number_of(E, b, M, k)
             tau = W.meeting.tau[j]
             A.met[i, b] = t + tau * h if tau <= 1.0 else math.inf
             key = min(key, A.met[i, b])

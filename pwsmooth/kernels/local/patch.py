@@ -135,6 +135,12 @@ def close_rim(A):
 # ---- the small system
 
 
+@inlined_kernel
+def number_of(E, s, M, k):
+    """Number of surface s of member k: some belong to all elements."""
+    return E.s_fixed[s] + E.s_blocks[s] * M + (k if E.s_own[s] else 0)
+
+
 @kernel
 def _row(A, block, own, fixed, k, members, places):
     """Row of a block of rows for member k, -1 where there is none."""
@@ -156,56 +162,70 @@ def shape(A, P, C, W):
     for c in range(T.cell.shape[0]):
         _put_at(T.cell[c, 0], T.cell[c, 1] + T.cell[c, 2] * M + T.cell[c, 3] * places)
     nm, ne = E.nm, E.ne
-    P.n, P.m, P.ne = E.ns * places, nm * M, ne * M
+    P.n, P.m = E.ns * places, number_of(E, nm, M, 0) if ne > 0 else E.fixed_m + E.blocks_m * M
+    P.ne = ne * M
     P.mult_row = E.ns * places
     P.own_slip = _row(A, E.rows_slip, 0, E.fixed_slip, 0, M, places)
     P.own_general = _row(A, E.rows_general, 0, E.fixed_general, 0, M, places)
-    at_g = at_link = at_dh = at_group = 0
+    at_g = at_link = at_dh = at_group = group = 0
     for b in range(nm):
-        for k in range(M):
-            j = b * M + k
-            P.kind[j], P.hidden[j], P.slope_moves[j], P.nested[j] = E.kind[b], E.hidden[b], E.slope_moves[b], E.nested[b]
+        for k in range(M if E.s_own[b] else 1):
+            j = number_of(E, b, M, k)
+            P.kind[j], P.hidden[j] = E.kind[b], E.hidden[b]
+            P.slope_moves[j], P.nested[j] = E.slope_moves[b], E.nested[b]
             P.surface_state[j] = E.surface_state[b] * places + k if E.surface_state[b] >= 0 else -1
             P.g_row[j], P.link_row[j] = at_g, at_link
             for e in range(E.g_first[b], E.g_first[b + 1]):
                 if E.g_block[e] == b:
                     P.g_diagonal[j] = at_g
-                P.g_col[at_g] = E.g_block[e] * M + k
+                P.g_col[at_g] = number_of(E, E.g_block[e], M, k)
                 at_g += 1
             for e in range(E.link_first[b], E.link_first[b + 1]):
-                P.link_col[at_link] = E.link_block[e] * M + k
+                P.link_col[at_link] = number_of(E, E.link_block[e], M, k)
                 at_link += 1
-    P.g_row[nm * M], P.link_row[nm * M] = at_g, at_link
+    P.g_row[P.m], P.link_row[P.m] = at_g, at_link
     for g in range(len(E.group_first) - 1):
-        for k in range(M):
-            P.block_row[g * M + k] = at_group
+        for k in range(M if E.s_own[E.group_block[E.group_first[g]]] else 1):
+            P.block_row[group] = at_group
+            group += 1
             for e in range(E.group_first[g], E.group_first[g + 1]):
-                P.block_member[at_group] = E.group_block[e] * M + k
+                P.block_member[at_group] = number_of(E, E.group_block[e], M, k)
                 at_group += 1
-    P.block_row[(len(E.group_first) - 1) * M] = at_group
+    P.block_row[group] = at_group
     for b in range(nm + ne):
-        for k in range(M):
-            i = b * M + k
+        for k in range(M if E.s_own[b] else 1):
+            i = number_of(E, b, M, k)
             P.dh_row[i] = at_dh
             for e in range(E.dh_first[b], E.dh_first[b + 1]):
                 P.dh_col[at_dh] = E.dh_block[e] * places + k
                 at_dh += 1
             P.rows_slip[i] = _row(A, E.surface_slip[b], E.own_slip[b], E.of_slip[b], k, M, places)
             P.rows_general[i] = _row(A, E.surface_general[b], E.own_general[b], E.of_general[b], k, M, places)
-    P.dh_row[(nm + ne) * M] = at_dh
+    P.dh_row[P.m + P.ne] = at_dh
     for b in range(ne):
         for k in range(M):
-            i = b * M + k
+            i = number_of(E, nm + b, M, k) - P.m
             P.direction[i], P.terminal[i] = E.direction[b], E.terminal[b]
             P.watch[i], P.watch_state[i], W.firing.carried[i] = 0, -1, E.carried[b]
             twin = abs(E.twin[b]) - 1
-            P.twin[i] = (twin * M + k + 1) * (1 if E.twin[b] > 0 else -1) if twin >= 0 else 0
+            P.twin[i] = (number_of(E, twin, M, k) + 1) * (1 if E.twin[b] > 0 else -1) if twin >= 0 else 0
+    at_flat = 0
+    for f in range(len(E.flat_slip)):
+        for k in range(M if E.flat_own_slip[f] else 1):
+            own = E.flat_own_slip[f]
+            P.flat_slip[at_flat] = _row(A, E.flat_slip[f], own, E.flat_of_slip[f], k, M, places)
+            at_flat += 1
+    at_flat = 0
+    for f in range(len(E.flat_general)):
+        for k in range(M if E.flat_own_general[f] else 1):
+            own = E.flat_own_general[f]
+            P.flat_general[at_flat] = _row(A, E.flat_general[f], own, E.flat_of_general[f], k, M, places)
+            at_flat += 1
     for b in range(len(E.shared)):
         P.p[E.shared_fixed[b] + E.shared_blocks[b] * places] = E.shared[b]
     for b in range(E.ns):
         for s in range(places):
-            C.atol[b * places + s] = E.atol[b]
-            W.step.atol[b * places + s] = E.atol[b] if s < M else _GIVEN
+            C.atol[b * places + s] = W.step.atol[b * places + s] = E.atol[b] if s < M else _GIVEN
     W.meeting.rhythm[:, 0] = 0.0
     W.meeting.rhythm[:, 1] = 1.0
     W.step.nears = 0
@@ -308,19 +328,19 @@ def gather(A, P, C, S, W, t):
             S.x[b * places + k] = state_at(A, i, b, t, K)
         known = again or t - A.begun[i] <= _AT_ONCE * (1.0 + abs(t))
         for b in range(E.nm):
-            j = b * M + k
+            j = number_of(E, b, M, k)
             S.mult[j], S.status[j] = A.mult[i, b], A.status[i, b]
             some = some or (not known and S.status[j] == SOLVED)
             for c in range(6):
                 S.last[j, c] = A.last[i, b, c]
             W.meeting.exit_side[j] = A.exit_side[i, b]
         for b in range(E.ne):
-            j = b * M + k
+            j = number_of(E, E.nm + b, M, k) - P.m
             S.side[j] = A.side[i, b]
             for c in range(6):
                 W.firing.last[j, c] = A.fired[i, b, c]
         for b in range(E.nm + E.ne):
-            j = b * M + k
+            j = number_of(E, b, M, k)
             S.deflate[j] = A.deflate[i, b] if known else 0
             W.meeting.widest[j] = A.widest[i, b]
             W.meeting.tau[j] = NO_ROOT
@@ -374,39 +394,45 @@ def scatter(A, P, S, W, count):
         for b in range(E.ns):
             A.x[i, b] = S.x[b * places + k]
         for b in range(E.nm):
-            j = b * M + k
+            j = number_of(E, b, M, k)
             A.mult[i, b], A.status[i, b] = S.mult[j], S.status[j]
             A.exit_side[i, b] = W.meeting.exit_side[j]
             for c in range(6):
                 A.last[i, b, c] = S.last[j, c]
         for b in range(E.ne):
-            j = b * M + k
+            j = number_of(E, E.nm + b, M, k) - P.m
             A.side[i, b] = S.side[j]
             for c in range(6):
                 A.fired[i, b, c] = W.firing.last[j, c]
         for b in range(E.nm + E.ne):
-            j = b * M + k
+            j = number_of(E, b, M, k)
             A.deflate[i, b] = S.deflate[j]
             A.widest[i, b] = W.meeting.widest[j]
         A.minute[i] = S.minute
 
 
 @kernel
+def _number_in_all(A, j):
+    """Number of surface j of the small system among those of the whole."""
+    T, E = A.patch, A.kind
+    s = E.nm + E.ne - 1
+    while s > 0 and number_of(E, s, T.count, 0) > j:
+        s -= 1
+    return E.s_first[s] + (T.member[j - number_of(E, s, T.count, 0)] if E.s_own[s] else 0)
+
+
+@kernel
 def note_records(A, P, S, R):
     """Takes over what the small system has recorded: surfaces are numbered as those of the whole system."""
-    T, E = A.patch, A.kind
-    M, n = T.count, len(A.begun)
     for a in range(S.events):
-        j = R.event[a, 0]
         A.event_t[A.events] = R.event_t[a]
-        A.event[A.events, 0] = (j // M) * n + T.member[j % M]
+        A.event[A.events, 0] = _number_in_all(A, R.event[a, 0])
         for c in range(1, 4):
             A.event[A.events, c] = R.event[a, c]
         A.events += 1
     for a in range(S.ambiguities):
-        j = R.ambiguity[a, 0]
         A.ambiguity_t[A.ambiguities] = R.ambiguity_t[a]
-        A.ambiguity[A.ambiguities, 0] = (j // M) * n + T.member[j % M]
+        A.ambiguity[A.ambiguities, 0] = _number_in_all(A, R.ambiguity[a, 0])
         for c in range(1, 3):
             A.ambiguity[A.ambiguities, c] = R.ambiguity[a, c]
         A.ambiguities += 1
@@ -415,7 +441,7 @@ def note_records(A, P, S, R):
 
 @kernel
 def largest_change(A, C, W, k, t, h):
-    """By how much the new polynomials of member k differ from the old ones on the next h, in units of its tolerances."""
+    """By how much the new polynomials of member k differ from the old ones on the next h, in units of tolerances."""
     T, E = A.patch, A.kind
     i, K, most = T.member[k], C.order, 0.0
     for b in range(E.ns):

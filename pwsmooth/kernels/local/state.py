@@ -20,6 +20,14 @@ class Kind(Bundle):
     rows_general: "int"
     fixed_slip: "int"
     fixed_general: "int"
+    # Numbers of the surfaces, block by block: those of the whole before it, blocks of elements before it, whether every
+    # element has its own, and the first among all surfaces of the whole system.
+    s_fixed: "i8[nm + ne]"
+    s_blocks: "i8[nm + ne]"
+    s_own: "i8[nm + ne]"
+    s_first: "i8[nm + ne]"
+    fixed_m: "int"  # multipliers of the whole, and blocks of those of elements
+    blocks_m: "int"
     read: "i8[nx]"  # states that neighbours read
     kind: "i8[nm]"
     hidden: "i8[nm]"
@@ -40,6 +48,14 @@ class Kind(Bundle):
     of_general: "i8[nm + ne]"
     own_slip: "i8[nm + ne]"  # whether every element has its own
     own_general: "i8[nm + ne]"
+    flat_slip: (
+        "i8[:]"  # rows of the arguments of flat functions: blocks before each, rows of the whole, own or not
+    )
+    flat_general: "i8[:]"
+    flat_of_slip: "i8[:]"
+    flat_of_general: "i8[:]"
+    flat_own_slip: "i8[:]"
+    flat_own_general: "i8[:]"
     direction: "i8[ne]"
     terminal: "i8[ne]"
     twin: "i8[ne]"
