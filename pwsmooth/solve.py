@@ -189,6 +189,9 @@ def solve(
         options = Options(method, rtol, atol, dense_output, max_step, max_steps, order, strict, taped, rows)
         if runs_locally(model, options, times, local, kicks is not None, with_respect_to is not None):
             return run_locally(system, t0, t1, start, times, options, spending)
+        if model.families is not None and model.families.template.levels:
+            system = system._written_out()
+            model, p = system.model, np.array(system.parameter_values, float)
         ready = prepared_run(model, options)
         if with_respect_to is not None and not ready.by_series:
             ready = prepared_run(model, options._replace(dense=True))

@@ -16,14 +16,15 @@ import sympy as sp
 from . import checks, lifting, lowering
 from . import reading as definition
 from .family import Expansion, Family, MemberMemory, MemberSum, involved, spread
-from .model import Model, Multiplier
+from .model import Held, Model, Multiplier
 from .primitives import Memory
 from .reading import Definition
 from .regularity import second_derivative, total_derivative
 from .singular import watched
-from .template import MARK, Families, Place, Template, family_model, named
+from .template import MARK, Families, Level, Place, Template, family_model, named
 
 TEMPLATE_FROM = 8
+LEVELS_FROM = 100  # of hidden static friction: what has a template then runs by neighbourhoods alone
 
 
 class NoTemplate(ValueError):
@@ -163,7 +164,8 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled)
         template = _template(plain, one)
         families = Families(template, tuple(f.n for f in one.families))
         far = [abs(p.offset) >= families.sizes[p.family] for p in one.places.values()]
-        if min(families.sizes) < TEMPLATE_FROM or any(far):
+        least = max(TEMPLATE_FROM, LEVELS_FROM) if template.levels else TEMPLATE_FROM
+        if min(families.sizes) < least or any(far):
             return None
         model = family_model(families)
         memories = [
@@ -225,7 +227,7 @@ def _template(plain, one):
     for x, rate in (*zip(field.states, field.rates, strict=True), *field.algebraic):
         if family(rate) not in (None, family(x)):
             raise NoTemplate("members outside of their rates")
-    multipliers, more = _multipliers(field, sums, places)
+    multipliers, more, field, levels = _multipliers(field, sums, places)
     model = lowering.lower(replace(field, switches=(), algebraic=()), watch=watch)
     used = set().union(*(e.free_symbols for e in field.expressions()))
     model = replace(
@@ -240,6 +242,7 @@ def _template(plain, one):
         (*sums, *more),
         tuple(event_families),
         tuple(family(e) for _, e in field.outputs),
+        levels,
     )
 
 
@@ -263,7 +266,8 @@ def _check_couplings(multipliers, sums, places):
 
 
 def _multipliers(field, sums, places):
-    """Switches and algebraic unknowns of the template, and the sums' derivatives that their residuals need."""
+    """Switches and algebraic unknowns of the template, the sums' derivatives that their residuals need, and the field
+    with hidden static friction as two levels."""
     inner = {s: e for s, _, e in sums}
     family = {s: f for s, f, _ in sums}
     more: dict[sp.Symbol, tuple[int, sp.Expr]] = {}
@@ -295,14 +299,61 @@ def _multipliers(field, sums, places):
         switches=tuple((lam, sampled(h)) for lam, h in field.switches),
         algebraic=tuple((a, sampled(r)) for a, r in field.algebraic),
     )
-    result = []
+    result: list[Multiplier] = []
+    levels: list[Level] = []
     for index, ((lam, h), residual) in enumerate(zip(field.switches, residuals, strict=True)):
         regularity, hidden = lowering.classify(lone, index, sampled(residual))
         if hidden and regularity == "sliding":
-            raise NoTemplate("a hidden term on a surface that slides")
+            level = _level(field, index, residual)
+            levels.append(level)
+            stuck, moving = _two_levels(lam, level)
+            residual, hidden = stuck(residual), False
+            field = replace(field, rates=tuple(map(moving, field.rates)))
         if regularity == "crossing" and second_derivative(lone, index, sampled(residual)) is not None:
             raise NoTemplate("a switch that can slide to second order")
         result.append(Multiplier(lam, "switch", residual, h, regularity, hidden))
     result += [Multiplier(a, "algebraic", r) for a, r in field.algebraic]
     _check_couplings(result, inner | {s: e for s, (_, e) in more.items()}, places)
-    return tuple(result), tuple((s, f, e) for s, (f, e) in more.items())
+    return tuple(result), tuple((s, f, e) for s, (f, e) in more.items()), field, tuple(levels)
+
+
+def _cubic(e, lam):
+    """(e_1, e_3) of e = e_0 + e_1 lambda + e_3 lambda^3, or NoTemplate."""
+    try:
+        powers = sp.Poly(e, lam).as_dict()
+    except sp.PolynomialError:
+        powers = {(2,): e}
+    if not powers.keys() <= {(0,), (1,), (3,)} or (1,) not in powers:
+        raise NoTemplate("a hidden term on a surface that slides")
+    return powers[1,], powers.get((3,), sp.S.Zero)
+
+
+def _level(field, index, residual):
+    """The two levels of a switch whose force is c (lambda + q lambda^3) wherever it stands; else NoTemplate."""
+    lam, _ = field.switches[index]
+    elsewhere = [*(h for _, h in field.switches), *(r for _, r in field.algebraic)]
+    elsewhere += [
+        e for event in field.events for e in (event.surface, event.when, *(e for _, e in event.update)) if e
+    ]
+    parts = [_cubic(e, lam) for e in (*field.rates, residual) if lam in e.free_symbols]
+    shares = {sp.cancel(e3 / e1) for e1, e3 in parts}
+    if any(lam in e.free_symbols for e in elsewhere) or len(shares) != 1:
+        raise NoTemplate("a hidden term on a surface that slides")
+    (q,) = shares
+    if not q.free_symbols <= set(field.parameters):
+        raise NoTemplate("a hidden term whose share moves")
+    # The largest of lambda + q lambda^3: at the fold, where there is one inside of the bounds.
+    fold = sp.Rational(2, 3) * sp.sqrt(sp.cancel(-1 / (3 * q)))
+    return Level(index, q, sp.Piecewise((fold, 1 + 3 * q < 0), (1 + q, True)))
+
+
+def _two_levels(lam, level):
+    """How an expression changes: a residual, which knows the stick alone, and a rate."""
+
+    def changed(e, factor):
+        if lam not in e.free_symbols:
+            return e
+        return e.subs(lam, 0) + _cubic(e, lam)[0] * lam * factor
+
+    both = Held(lam, level.slip, level.peak)
+    return lambda e: changed(e, level.peak), lambda e: changed(e, both)

@@ -40,6 +40,24 @@ class Place:
 
 
 @dataclass(frozen=True)
+class Level:
+    """Hidden static friction of elements as two levels: a force c (lambda + q lambda^3) of which the rates are affine.
+
+    While it sticks the force is c peak sigma, with |sigma| <= 1 solved for in place of lambda: it is largest where
+    lambda comes to the fold, and there the element is let go, to slip with c (1 + q).
+    """
+
+    multiplier: int  # block
+    q: sp.Expr
+    peak: sp.Expr
+
+    @property
+    def slip(self) -> sp.Expr:
+        """The force of slip, in units of c."""
+        return 1 + self.q
+
+
+@dataclass(frozen=True)
 class Template:
     """One element of each family and what is of the whole system; independent of the numbers of elements."""
 
@@ -49,6 +67,7 @@ class Template:
     sums: tuple[tuple[sp.Symbol, int, sp.Expr], ...]  # symbol, family, summand
     event_families: tuple[int | None, ...]
     output_families: tuple[int | None, ...]
+    levels: tuple[Level, ...] = ()
 
     @cached_property
     def place(self) -> dict[sp.Symbol, Place]:

@@ -13,7 +13,7 @@ import numpy as np
 import sympy as sp
 
 from ..definition import checks
-from ..definition.model import Model
+from ..definition.model import Held, Model
 from ..definition.template import Families, family_model
 from ..kernels import state as names
 from ..kernels.local import state as local
@@ -21,11 +21,10 @@ from ..results.records import EventLog, Outcome
 from ..results.solution import Solution
 from .budget import SLICE, Budget
 from .event_driven import order_for
-from .problem import CompiledProblem, compiled_problem, longest_step, terms
+from .problem import FEW, CompiledProblem, compiled_problem, longest_step, terms
 from .words import ambiguities_in_words, event_words
 
 LOCAL_FROM = 100  # elements: of fewer one loop over all is as fast
-_FEW = 3  # elements of the small system that tells what holds for one
 _SHARE = 0.1  # of the tolerances, by which the rim of a patch may change
 _FIRST_ROOM = 256  # members and places of a patch, events in the log
 MANY = 1000  # elements, of more of which a run that is asked for no times keeps the ends alone
@@ -84,7 +83,7 @@ def _why_not_by_series(parts: CompiledProblem) -> str:
 
 def _small_families(template: Any) -> Families:
     """A few elements: what is known of one of them holds for any number."""
-    return Families(template, (_FEW,))
+    return Families(template, (FEW,))
 
 
 @functools.lru_cache(maxsize=16)
@@ -377,6 +376,9 @@ class _Run:
         A.met[:] = A.grazed[:] = math.inf
         A.active[:], A.active_place[:], A.actives = i, i, n
         A.seen[:], A.keeps[:] = -1, i
+        A.slip_share[:] = math.inf
+        for level in self.template.levels:
+            A.slip_share[:, level.multiplier] = self._of_parameters(level.slip / level.peak)
         for k in range(self.order + 1):
             A.shift[k * self.width : k * self.width + k + 1] = [math.comb(k, j) for j in range(k + 1)]
         for a, b in enumerate(self.own_parameters):
@@ -430,19 +432,50 @@ class _Run:
         events, ambiguities = A.events, A.ambiguities
         cost = {"steps": A.steps, "jets": A.jets, "events": events, "layers": A.layers}
         tolerances = {"rtol": self.options.rtol, "atol": float(self.atol.max(initial=0.0)), "order": self.order}
+        self._name_folds(A.event[:events])
         log = EventLog(A.event_t[:events].copy(), A.event[:events].copy(), event_words(self.model))
         unsure = []
         if ambiguities:
             unsure = ambiguities_in_words(self.model, A.ambiguity_t[:ambiguities], A.ambiguity[:ambiguities])
         return Solution(
-            self.system, times[:reached], columns(A.x_asked), columns(A.mult_asked),
+            self.system, times[:reached], columns(A.x_asked), self._multipliers(columns),
             columns(A.status_asked), log, None, outcome, cost, tolerances, unsure, self.system.parameters, None,
         )  # fmt: skip
+
+    def _name_folds(self, codes: np.ndarray) -> None:
+        """Where static friction is two levels, a bound of its sigma is the fold of lambda."""
+        first, n = self.model.families.starts("multipliers"), self.n
+        for level in self.template.levels:
+            at = first[level.multiplier]
+            own = (codes[:, 0] >= at) & (codes[:, 0] < at + n) & (codes[:, 1] == names.EV_TANGENCY)
+            codes[own, 1] = names.EV_FOLD
+
+    def _of_parameters(self, e: Any) -> np.ndarray:
+        """An expression in parameters, of every element."""
+        symbols = self.template.model.parameters
+        values = np.array(self.system.parameter_values, float)
+        first = self.model.families.starts("parameters")
+        given = [values[a:b] for a, b in zip(first, first[1:], strict=False)]
+        return np.broadcast_to(sp.lambdify(symbols, e, "numpy")(*given) if symbols else float(e), self.n)
+
+    def _multipliers(self, columns: Any) -> np.ndarray:
+        """The multipliers, lambda in the place of sigma where static friction is two levels."""
+        A, result = self.A, columns(self.A.mult_asked)
+        first = self.model.families.starts("multipliers")
+        for level in self.template.levels:
+            rows = slice(first[level.multiplier], first[level.multiplier] + self.n)
+            q, peak = (self._of_parameters(e)[:, None] for e in (level.q, level.peak))
+            fold = np.sqrt(-1 / (3 * q))
+            # lambda + q lambda^3 = peak sigma on the branch between the folds: the triple angle.
+            share = np.clip(1.5 * peak * result[rows] / fold, -1.0, 1.0)
+            sticks = columns(A.status_asked)[rows] == names.SOLVED
+            result[rows] = np.where(sticks, 2 * fold * np.sin(np.arcsin(share) / 3), result[rows])
+        return result
 
 
 def _blocks(numbers: np.ndarray) -> np.ndarray:
     """Numbers of a few elements -> their blocks."""
-    return np.where(numbers >= 0, numbers // _FEW, -1)
+    return np.where(numbers >= 0, numbers // FEW, -1)
 
 
 def _extent(size: str, sizes: dict[str, int]) -> int:
@@ -459,13 +492,18 @@ def _walls(template: Any) -> bool:
         return False
     beside = {s for s, p in template.places if p.base is not None and p.offset}
     solved = [m for m in model.multipliers if m.kind == "algebraic" or m in sliding]
+    # Solved multipliers are held; what is chosen by parameters is one number.
+    rhs = [r.replace(Held, lambda lam, apart, held: held) for r in model.rhs]
+    residuals = [m.residual for m in solved]
+    chosen = {e: sp.Dummy() for r in (*rhs, *residuals) for e in r.atoms(sp.Piecewise)}
+    rhs, residuals = ([r.xreplace(chosen) for r in part] for part in (rhs, residuals))
     try:
-        found = sp.solve([m.residual for m in solved], [m.symbol for m in solved], dict=True)
+        found = sp.solve(residuals, [m.symbol for m in solved], dict=True)
     except (NotImplementedError, ValueError):
         return False
     if len(found) != 1:
         return False
-    rates = dict(zip(model.states, (sp.cancel(r.subs(found[0])) for r in model.rhs), strict=True))
+    rates = dict(zip(model.states, (sp.cancel(r.subs(found[0])) for r in rhs), strict=True))
     waiting, known = [p.base for _, p in template.places if p.offset and p.base in rates], set()
     while waiting:
         x = waiting.pop()

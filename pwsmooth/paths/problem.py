@@ -23,12 +23,19 @@ from ..definition.singular import KINDS
 from ..kernels import state, work
 from ..kernels.step.tables import bernstein_tables, halving_tables, short_tables
 
+FEW = 3  # elements that tell what holds for one
+
 
 class CompiledProblem:
     """What of a Problem does not depend on parameter values; made once a model and process."""
 
     def __init__(self, model: Model):
         self.model, self._scratch = model, threading.local()
+        if model.families and model.families.template.levels and max(model.families.sizes) > FEW:
+            raise ValueError(
+                f"a family of {max(model.families.sizes)} elements with hidden static friction runs in solve() alone, "
+                "event by event of its elements; give a smaller family, whose elements are written out."
+            )
         code = self.code = compile_model(model)
         self.has_jets = code.has_jets
         # With families the text is that of one element, and `_numbers` writes what holds for it out.
@@ -52,6 +59,8 @@ class CompiledProblem:
             mu.surface for mu in text.multipliers if mu.kind == "disc"
         ]  # whose roots are taken in slip alone
         powers = {p for e in expressions for p in e.atoms(sp.Pow) if p.base not in squares}
+        if families:  # those of parameters alone have no branch point on the way
+            powers = {p for p in powers if not p.free_symbols <= self._fixed_symbols}
         self.singular = any(p.exp.is_integer is not True for p in powers)
         carried = [state.SILENT if e.singular else state.PLAIN for e in text.events]
         self.carried = np.where(has_surface[code.m :], self._numbers("events", carried), state.TIMED)

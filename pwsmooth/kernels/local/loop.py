@@ -18,7 +18,7 @@ from ..intervals import forget_intervals
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import at, call_unit, float_bits
 from ..outcome import Outcome
-from ..state import AGAIN, AMB_GRAZING, GO_ON, Control, Problem, Record, State
+from ..state import AGAIN, AMB_GRAZING, AMB_SEVERAL_ROOTS, GO_ON, SOLVED, Control, Problem, Record, State
 from ..step.looking import shorten_to_fit
 from ..step.meeting import find_first
 from ..step.recording import record_ambiguity
@@ -282,7 +282,7 @@ def _keep(A, P, C, S, W, t, h):
         c = A.keeps[i]
         if c >= 0:
             for b in range(E.nm):
-                if A.status[i, b] == 0:
+                if A.status[i, b] == SOLVED:
                     row, new = A.mult_row[c, b], W.step.rows[W.step.mult_row + number_of(E, b, M, k)]
                     for q in range(K + 1):
                         row[q] = new[q]
@@ -361,6 +361,12 @@ def _begin(A, P, C, S, R, W):
             return code
         # What holds from the start is no event.
         S.events = 0
+        for k in range(own):
+            for b in range(E.nm):
+                j = number_of(E, b, T.count, k)
+                if S.status[j] == SOLVED and abs(S.mult[j]) > A.slip_share[T.member[k], b]:
+                    record_ambiguity(S, R, j, AMB_SEVERAL_ROOTS, 0)  # slip would hold too
+        note_records(A, P, S, R)
         scatter(A, P, S, W, own)
         for k in range(own):
             i = T.member[k]

@@ -135,6 +135,9 @@ class Assembly(Bundle):
     widest: "f8[elements, nm + ne]"
     last: "f8[elements, nm, 6]"
     fired: "f8[elements, ne, 6]"
+    slip_share: (
+        "f8[elements, nm]"  # of the largest static friction that slip has; inf where there are no two levels
+    )
     stalled: "i1[elements]"
     minute: "i8[elements]"
     active: "i8[elements]"  # those that are renewed at the end of a slab
