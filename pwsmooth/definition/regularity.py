@@ -49,12 +49,18 @@ def may_skip_orders(e, time, moving):
     the states has is then followed by none.
     """
     changing = moving | {time}
-    if e in changing or e.free_symbols.isdisjoint(changing):
+
+    def stands(a):
+        # A choice between constants stands for the whole of a step, as the multiplier that makes it does.
+        branches = a.args[1:] if isinstance(a, Held) else (a,)
+        return all(b.free_symbols.isdisjoint(changing) for b in branches)
+
+    if e in changing or stands(e):
         return False
     if e.is_Add:
         return any(may_skip_orders(a, time, moving) for a in e.args)
     if e.is_Mul:
-        factors = [a for a in e.args if not a.free_symbols.isdisjoint(changing)]
+        factors = [a for a in e.args if not stands(a)]
         return len(factors) > 1 or may_skip_orders(factors[0], time, moving)
     if isinstance(e, (sp.sin, sp.cos, sp.exp)) and e.free_symbols.isdisjoint(moving):
         return e.args[0].diff(time).has(time)

@@ -53,10 +53,24 @@ class FamilyGeneral(FamilyJet):
     def _frozen(self, i: int, rate: str) -> str:
         """While a switch slides on a state, that state's rate is 0 exactly, not to rounding."""
         for j in self._solved():
-            here = self.h[j] == self.states[i] and self.model.multipliers[j].kind == "switch"
-            if here and self.layout.multipliers[j] == self.layout.states[i]:
+            here = self.h[j] == self.states[i] or (self.layout.patch and self._fixes(j, i))
+            if (
+                here
+                and self.model.multipliers[j].kind == "switch"
+                and self.layout.multipliers[j] == self.layout.states[i]
+            ):
                 return f"choose(on{j}, 0.0, {rate})"
         return rate
+
+    def _fixes(self, j: int, i: int) -> bool:
+        """Whether surface j is state i up to a factor and a constant. What rests must do so exactly: nothing is spent
+        on an element of a patch whose motion is known for ever."""
+        graph = self.graph
+        variables = [
+            graph.nodes[a] for a in graph.reach([self.h[j]], through=True) if graph.nodes[a].op == "var"
+        ]
+        constant = all(v.data == ("x", i) or v.data[0] == "p" for v in variables)
+        return constant and graph.nodes[derivative(graph, self.h[j], self.states[i])].op == "num"
 
     # ---- order 0: slopes
 

@@ -5,7 +5,8 @@ import math
 from ..machine.compiling import kernel
 from ..machine.lanes import load8
 from ..machine.pointers import at, call_fields, sum8
-from ..state import SOLVED
+from ..state import CONTACT, SOLVED
+from ..surface.sliding import INSIDE
 from .meeting import find_first
 from .steps import SURFACE_ROUNDING, dot, powers, surface_rows
 
@@ -28,6 +29,8 @@ def _misfit(P, C, S, t, s, W):
         x[i] = dot(rows[i], power, K + 1)
     for j in range(m):
         mult[j] = dot(rows[mult_row + j], power, K + 1) if S.status[j] == SOLVED else S.mult[j]
+        if S.status[j] == SOLVED and abs(mult[j]) == 1.0 and P.kind[j] < CONTACT:
+            mult[j] *= INSIDE  # at its bound, but held up to there
     call_fields(P.fields, t + s, x, mult, P.p, W.dx, W.h, W.g)
     for j in range(m):
         if S.status[j] == SOLVED and P.surface_state[j] >= 0:
