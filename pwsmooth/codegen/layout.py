@@ -11,7 +11,8 @@ from itertools import accumulate
 
 import numpy as np
 
-from ..definition.template import Template
+from ..definition.model import tables_of
+from ..definition.template import LINKED, Template
 
 # A row of Taylor coefficients holds at least K + 4 >= 5 numbers.
 SHORTEST_ROW = 5
@@ -65,6 +66,7 @@ class Layout:
 
     def __init__(self, template: Template, patch: bool = False):
         self.patch = patch
+        self.tables = len(tables_of(template.model))  # those of drives, before those of neighbours
         self.offsets = [
             sorted({p.offset for _, p in template.places if p.family == f and p.offset})
             for f in range(len(template.periodic))
@@ -116,6 +118,9 @@ class Layout:
         if self.patch:
             offsets = self.offsets[family]
             return [f"{name} = int(near{family}[{len(offsets)} * {own} + {offsets.index(offset)}])"]
+        if offset >= LINKED:
+            columns = len([o for o in self.offsets[family] if o >= LINKED])
+            return [f"{name} = int(table{self.tables + family}[{columns} * {own} + {offset - LINKED}])"]
         inside = f"{name} < m{family}" if offset > 0 else f"{name} >= 0"
         wrapped = f"{name} - m{family}" if offset > 0 else f"{name} + m{family}"
         return [

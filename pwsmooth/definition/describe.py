@@ -117,6 +117,8 @@ class _Latex(LatexPrinter):
 
     def _print_Member(self, e: Any) -> str:
         shift = f"{e.offset:+d}" if e.offset else ""
+        if e.links is not None:
+            return rf"{{{self._print_Symbol(e)}}}_{{i({e.offset})}}"
         return "i" if e.name == "i" and e.is_integer else rf"{{{self._print_Symbol(e)}}}_{{i{shift}}}"
 
 

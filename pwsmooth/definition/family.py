@@ -9,9 +9,12 @@ Chain: primitives.py -> family (here) -> system.py.
 
 from __future__ import annotations
 
+import hashlib
+import math
 from dataclasses import dataclass
 from functools import singledispatchmethod
 
+import numpy as np
 import sympy as sp
 
 from . import checks
@@ -193,7 +196,98 @@ class Family:
         if self.periodic and outside is not None:
             raise ValueError("`outside` has no meaning in a periodic family, which has no ends.")
         outside = member if outside is None else checks.expression(outside, "`outside`")
+        if member.links is not None:
+            raise ValueError(f"`member` is {member}, a neighbour by a table; take the element's own symbol.")
         return Member(member.name, self, member.offset + offset, outside, **member._assumptions_orig)
+
+    def links(self, neighbours):
+        """Neighbours by a table: a lattice, a random graph, any couplings that are no chain.
+
+        Parameters
+        ----------
+        neighbours : array_like of int, shape (n, d), or sparse matrix, shape (n, n)
+            Numbers 1, ..., n of the d neighbours of each element, an element's own number where it has fewer; of a
+            sparse matrix those of the entries in its row.
+
+        Returns
+        -------
+        Links
+            `links.sum(lambda at: k * (at(x) - x))` stands in the rates of the element.
+
+        Raises
+        ------
+        ValueError, TypeError
+            A number that no element has.
+
+        Examples
+        --------
+        >>> from pwsmooth import Family
+        >>> triangle = Family(3)
+        >>> (x,) = triangle.symbols("x")
+        >>> triangle.links([[2, 3], [3, 1], [1, 2]]).sum(lambda at: at(x) - x)
+        -2*x + x[link 1] + x[link 2]
+        """
+        if hasattr(neighbours, "tocsr"):
+            neighbours = _table_of(neighbours.tocsr(), self.n)
+        table = checks.array(neighbours, "`neighbours`")
+        if (
+            table.ndim != 2
+            or table.shape[0] != self.n
+            or table.shape[1] == 0
+            or not (table == np.floor(table)).all()
+        ):
+            raise ValueError(
+                f"`neighbours` has the shape {table.shape}; give a row of whole numbers for each of {self.n} elements."
+            )
+        if table.min() < 1 or table.max() > self.n:
+            wrong = table[(table < 1) | (table > self.n)][0]
+            raise ValueError(f"`neighbours` names element {wrong:g}; the family has 1 to {self.n}.")
+        return Links(self, table.astype(np.int64) - 1)
+
+    def lattice(self, shape, periodic=False):
+        """The nearest neighbours in a rectangular lattice of the elements, numbered row by row.
+
+        Parameters
+        ----------
+        shape : sequence of int
+            Elements along each axis; their product is n.
+        periodic : bool
+            Whether opposite faces are joined; else faces are free.
+
+        Returns
+        -------
+        Links
+
+        Raises
+        ------
+        ValueError
+            A shape of another number of elements.
+
+        Examples
+        --------
+        >>> from pwsmooth import Family
+        >>> plate = Family(6)
+        >>> (x,) = plate.symbols("x")
+        >>> plate.lattice((2, 3)).sum(lambda at: at(x) - x)
+        -4*x + x[link 1] + x[link 2] + x[link 3] + x[link 4]
+        """
+        shape = tuple(checks.whole(k, "`shape`", 1) for k in shape)
+        if math.prod(shape) != self.n:
+            raise ValueError(
+                f"`shape` {shape} has {math.prod(shape)} places; give one for each of {self.n} elements."
+            )
+        checks.flag(periodic, "`periodic`")
+        own = np.arange(self.n).reshape(shape)
+        columns = []
+        for axis in range(len(shape)):
+            for step in (-1, 1):
+                beside = np.roll(own, step, axis)
+                if not periodic:
+                    face = [slice(None)] * len(shape)
+                    face[axis] = slice(0, 1) if step == 1 else slice(-1, None)
+                    beside[tuple(face)] = own[tuple(face)]
+                columns.append(beside.ravel())
+        return Links(self, np.stack(columns, axis=1))
 
     def sum(self, expr):
         """The sum of an expression over all elements.
@@ -212,23 +306,103 @@ class Family:
         return MemberSum(expr) if members(expr) else self.n * expr
 
 
+def _table_of(matrix, n):
+    """Neighbours 1, ..., n of the elements by the rows of a sparse matrix."""
+    if matrix.shape != (n, n):
+        raise ValueError(f"`neighbours` has the shape {matrix.shape}; give a matrix of {n} rows and columns.")
+    counts = np.diff(matrix.indptr)
+    table = np.repeat(np.arange(1, n + 1)[:, None], max(int(counts.max(initial=0)), 1), axis=1)
+    column = np.arange(len(matrix.indices)) - np.repeat(matrix.indptr[:-1], counts)
+    table[np.repeat(np.arange(n), counts), column] = matrix.indices + 1
+    return table
+
+
+class Links:
+    """Neighbours of elements by a table; made by `Family.links` and `Family.lattice`.
+
+    Attributes
+    ----------
+    family : Family
+    table : ndarray of int, shape (n, d)
+        Numbers 0, ..., n - 1 of the neighbours; an element's own number where it has fewer.
+    """
+
+    def __init__(self, family, table):
+        self.family, self.table = family, np.ascontiguousarray(table)
+        self.table.flags.writeable = False
+        self._content = hashlib.sha256(self.table.tobytes()).hexdigest()[:16]
+
+    def __eq__(self, other):
+        return isinstance(other, Links) and (self.family, self._content) == (other.family, other._content)
+
+    def __hash__(self):
+        return hash((self.family, self._content))
+
+    def neighbour(self, member, k):
+        """The member of the k-th neighbour.
+
+        Parameters
+        ----------
+        member : Member
+            A symbol of the family.
+        k : int
+            Column of the table, 1 to d.
+
+        Returns
+        -------
+        Member
+            To stand in the rates of the element.
+
+        Raises
+        ------
+        ValueError, TypeError
+            No such column; a symbol of another family.
+        """
+        if not isinstance(member, Member) or member.family != self.family or member.offset or member.links:
+            raise TypeError(f"`member` is {checks.shown(member)}; give a symbol of the family.")
+        k = checks.whole(k, "`k`", 1, self.table.shape[1])
+        return Member(member.name, self.family, k, member, self, **member._assumptions_orig)
+
+    def sum(self, term):
+        """The sum of a term over the neighbours of the element.
+
+        Parameters
+        ----------
+        term : callable
+            term(at) -> Expr, where `at(member)` is the member of a neighbour. It must vanish for the element itself,
+            which stands for neighbours that it does not have.
+
+        Returns
+        -------
+        Expr
+            To stand in the rates of the element.
+        """
+        return sp.Add(
+            *(term(lambda member, k=k: self.neighbour(member, k)) for k in range(1, self.table.shape[1] + 1))
+        )
+
+
 class Member(sp.Symbol):
-    """A symbol of every element of a family; made by `Family.symbols` and `Family.neighbour`."""
+    """A symbol of every element of a family; made by `Family.symbols` and `Family.neighbour`.
 
-    __slots__ = ("family", "offset", "outside")
+    Of a neighbour by a table, `offset` is the column of its `links`.
+    """
 
-    def __new__(cls, name, family, offset=0, outside=None, **assumptions):
+    __slots__ = ("family", "links", "offset", "outside")
+
+    def __new__(cls, name, family, offset=0, outside=None, links=None, **assumptions):
         self = sp.Symbol.__xnew__(cls, name, **assumptions)
-        self.family, self.offset, self.outside = family, offset, outside
+        self.family, self.offset, self.outside, self.links = family, offset, outside, links
         return self
 
     def __getnewargs_ex__(self):
-        return (self.name, self.family, self.offset, self.outside), self._assumptions_orig
+        return (self.name, self.family, self.offset, self.outside, self.links), self._assumptions_orig
 
     def _hashable_content(self):
         family = (self.family.name, self.family.n, self.family.periodic)
         outside = sp.S.NaN if self.outside is None else self.outside
-        return (*super()._hashable_content(), *family, self.offset, outside)
+        links = self.links and self.links._content
+        return (*super()._hashable_content(), *family, self.offset, outside, links)
 
     def sort_key(self, order=None):
         """A neighbour has the name of the member itself: the offset decides in which order they are printed."""
@@ -236,11 +410,16 @@ class Member(sp.Symbol):
         return self.class_key(), (3, (self.name, self.family.name, self.offset)), one.sort_key(), one
 
     def _sympystr(self, printer):
+        if self.links is not None:
+            return f"{self.name}[link {self.offset}]"
         return self.name if not self.offset else f"{self.name}[{self.offset:+d}]"
 
     def of_element(self, k):
         """The plain symbol of element k = 0, ..., n - 1, or what stands for it outside of the chain."""
-        k += self.offset
+        if self.links is not None:
+            k = int(self.links.table[k, self.offset - 1])
+        else:
+            k += self.offset
         if self.family.periodic:
             k %= self.family.n
         elif not 0 <= k < self.family.n:

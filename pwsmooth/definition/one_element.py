@@ -11,17 +11,18 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
 import sympy as sp
 
 from . import checks, lifting, lowering
 from . import reading as definition
 from .family import Expansion, Family, MemberMemory, MemberSum, involved, spread
-from .model import Held, Model, Multiplier
+from .model import Held, Model, Multiplier, Table
 from .primitives import Memory
 from .reading import Definition
 from .regularity import second_derivative, total_derivative
 from .singular import watched
-from .template import MARK, Families, Level, Place, Template, family_model, named
+from .template import LINKED, MARK, Families, Level, Place, Template, family_model, named
 
 TEMPLATE_FROM = 8
 LEVELS_FROM = 100  # of hidden static friction: what has a template then runs by neighbourhoods alone
@@ -37,7 +38,21 @@ class OneElement(Expansion):
     def __init__(self):
         super().__init__()
         self.families: list[Family] = []
+        self.columns: dict[int, dict[tuple, int]] = {}  # family -> (links, column of theirs) -> column
         self.places: dict[sp.Symbol, Place] = {}
+
+    def column(self, links, k):
+        """Number of a column of neighbours among all that the family has."""
+        columns = self.columns.setdefault(self.number(links.family), {})
+        return columns.setdefault((links, k - 1), len(columns))
+
+    def links(self):
+        """A table of the neighbours of each family, None for a chain."""
+        tables = []
+        for f in range(len(self.families)):
+            columns = [links.table[:, k] for links, k in self.columns.get(f, ())]
+            tables.append(Table("links", np.stack(columns, axis=1).astype(float), 0.0) if columns else None)
+        return tuple(tables)
 
     def number(self, family):
         if family not in self.families:
@@ -79,6 +94,11 @@ class OneElement(Expansion):
         self._group(m.name, m.family.n)
         if not m.offset:
             return base
+        if m.links is not None:
+            column = self.column(m.links, m.offset)
+            symbol = sp.Symbol(f"{m.name}[link {column + 1}]", **m._assumptions_orig)
+            self.places[symbol] = Place(self.number(m.family), base, LINKED + column, base)
+            return symbol
         outside = None if m.family.periodic else self.element(m.outside, k)
         mark = "" if outside in (None, base) else f"|{outside}"
         symbol = sp.Symbol(f"{m.name}[{m.offset:+d}{mark}]", **m._assumptions_orig)
@@ -162,8 +182,8 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled)
         if plain.controls:  # whose parameters no element has
             return None
         template = _template(plain, one)
-        families = Families(template, tuple(f.n for f in one.families))
-        far = [abs(p.offset) >= families.sizes[p.family] for p in one.places.values()]
+        families = Families(template, tuple(f.n for f in one.families), one.links())
+        far = [families.sizes[p.family] <= abs(p.offset) < LINKED for p in one.places.values()]
         least = max(TEMPLATE_FROM, LEVELS_FROM) if template.levels else TEMPLATE_FROM
         if min(families.sizes) < least or any(far):
             return None

@@ -20,9 +20,10 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from .model import Model
+from .model import Model, Table
 
 MARK = "[]"  # in the name of what every element has
+LINKED = 10**8  # from here on an offset counts the columns of a table of neighbours
 
 
 @dataclass(frozen=True)
@@ -104,6 +105,7 @@ class Families:
 
     template: Template
     sizes: tuple[int, ...]
+    links: tuple[Table | None, ...] = ()  # neighbours of the elements of a family, in columns
 
     def starts(self, kind: str) -> list[int]:
         """First number of every block, and the count of all."""
@@ -149,7 +151,11 @@ class Families:
         if place.base is None:
             return sp.Integer(k + 1)
         at, n = k + place.offset, self.sizes[place.family]
-        if self.template.periodic[place.family]:
+        if place.offset >= LINKED:
+            table = self.links[place.family]
+            assert table is not None
+            at = int(table.rows[k, place.offset - LINKED])
+        elif self.template.periodic[place.family]:
             at %= n
         elif not 0 <= at < n:
             assert place.outside is not None

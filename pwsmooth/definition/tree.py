@@ -75,8 +75,10 @@ _RECORDS: dict[str, tuple[type, Callable, Callable, tuple]] = {
         (Reaction, lambda s: (s.name, s.gap, s.restitution), Reaction, (_text, _expression, _expression)),
         (
             Member,
-            lambda s: (s.name, s.family, s.offset, s.outside, s._assumptions_orig),
-            lambda name, family, offset, outside, given: Member(name, family, offset, outside, **given),
+            lambda s: (s.name, s.family, s.offset, s.outside, s.links, s._assumptions_orig),
+            lambda name, family, offset, outside, links, given: Member(
+                name, family, offset, outside, links, **given
+            ),
             (_text, (Family,), (int,), _maybe, (dict,)),
         ),
         (MemberMemory, lambda s: (s.name, s.initial, s.family), MemberMemory, (_text, (float,), (Family,))),

@@ -14,7 +14,7 @@ import sympy as sp
 
 from ..definition import checks
 from ..definition.model import Held, Model
-from ..definition.template import Families, family_model
+from ..definition.template import LINKED, Families, family_model
 from ..kernels import state as names
 from ..kernels.local import state as local
 from ..results.records import EventLog, Outcome
@@ -244,12 +244,13 @@ class _Run:
     def _sizes(self, members: int, places: int) -> dict[str, int]:
         """Of the arrays of the small system."""
         m, ne = self.fixed_m + self.blocks_m * members, self.ne * members
-        rows = 0
+        rows = own = 0
         for of in self.rows.values():
             states = min(of["blocks"], self.ns)
-            count = of["fixed"] + states * places + (of["blocks"] - states) * members
+            rows = max(rows, of["fixed"] + states * places + (of["blocks"] - states) * members)
             fixed, each = of["scratch"]
-            rows = max(rows, count + -(-(fixed + each * places) // self.stride))
+            own = max(own, -(-(fixed + each * places) // self.stride))
+        rows += own
         entries, gradients = self.fixed_m + len(self.g_block) * members, len(self.dh_block) * members
         return {
             "n": self.ns * places, "m": m, "ne": ne, "nz": 0, "blocks": self.fixed_m + len(self.groups) * members,
@@ -350,6 +351,9 @@ class _Run:
         near = np.empty((n, len(offsets)), np.int64)
         for r, offset in enumerate(offsets):
             j = i + offset
+            if offset >= LINKED:
+                near[:, r] = self.model.families.links[0].rows[:, offset - LINKED]
+                continue
             near[:, r] = j % n if self.template.periodic[0] else np.where((j >= 0) & (j < n), j, i)
         pairs = np.stack([near.ravel(), np.repeat(i, len(offsets))], axis=1)
         pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)

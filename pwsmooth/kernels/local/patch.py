@@ -165,8 +165,13 @@ def shape(A, P, C, W):
     P.n, P.m = E.ns * places, number_of(E, nm, M, 0) if ne > 0 else E.fixed_m + E.blocks_m * M
     P.ne = ne * M
     P.mult_row = E.ns * places
-    P.own_slip = _row(A, E.rows_slip, 0, E.fixed_slip, 0, M, places)
-    P.own_general = _row(A, E.rows_general, 0, E.fixed_general, 0, M, places)
+    # What a program keeps for itself stands behind the rows of both: those are 0 behind their last order.
+    slip = _row(A, E.rows_slip, 0, E.fixed_slip, 0, M, places)
+    general = _row(A, E.rows_general, 0, E.fixed_general, 0, M, places)
+    P.own_slip = P.own_general = max(slip, general)
+    for r in range(P.own_slip):
+        for c in range(C.order + 1, W.step.rows.shape[1]):
+            W.step.rows[r, c] = 0.0
     at_g = at_link = at_dh = at_group = group = 0
     for b in range(nm):
         for k in range(M if E.s_own[b] else 1):
