@@ -502,9 +502,16 @@ def _walls(template: Any) -> bool:
     solved = [m for m in model.multipliers if m.kind == "algebraic" or m in sliding]
     unknowns = [m.symbol for m in solved]
     # Solved multipliers are held; what is chosen may be any mixture.
-    whole = [e.replace(Held, lambda lam, apart, held: held) for e in (*model.rhs, *(m.residual for m in solved))]
+    whole = [
+        e.replace(Held, lambda lam, apart, held: held) for e in (*model.rhs, *(m.residual for m in solved))
+    ]
     chosen = {e: sp.Add(*(sp.Dummy() * a for a, _ in e.args)) for r in whole for e in r.atoms(sp.Piecewise)}
-    rhs, residuals = ([r.xreplace(chosen) for r in whole[a:b]] for a, b in ((0, len(model.rhs)), (len(model.rhs), None)))
+    held = {}  # states that stand where the surfaces are met
+    for h in (m.surface for m in sliding):
+        of = (x for x in model.states if x in h.free_symbols and not h.diff(x).free_symbols & set(model.states))
+        held |= {x: sp.expand(x - h / h.diff(x)) for x in list(of)[:1]}
+    whole = [r.xreplace(chosen).subs(held) for r in whole]
+    rhs, residuals = whole[: len(model.rhs)], whole[len(model.rhs) :]
     try:
         linear = sp.linear_eq_to_matrix(residuals, unknowns)
     except NonlinearError:
