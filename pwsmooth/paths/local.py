@@ -434,6 +434,14 @@ class _Run:
         def columns(kept: np.ndarray) -> np.ndarray:
             return kept[:reached].transpose(2, 1, 0).reshape(-1, reached)
 
+        def of_multipliers(kept: np.ndarray) -> np.ndarray:
+            own = [f is not None for f in self.template.families("multipliers")]
+            rows = [
+                part if each else part[:1]
+                for part, each in zip(kept[:reached].transpose(2, 1, 0), own, strict=True)
+            ]
+            return np.concatenate([*rows, np.empty((0, reached))])
+
         events, ambiguities = A.events, A.ambiguities
         cost = {"steps": A.steps, "jets": A.jets, "events": events, "layers": A.layers}
         tolerances = {"rtol": self.options.rtol, "atol": float(self.atol.max(initial=0.0)), "order": self.order}
@@ -443,8 +451,8 @@ class _Run:
         if ambiguities:
             unsure = ambiguities_in_words(self.model, A.ambiguity_t[:ambiguities], A.ambiguity[:ambiguities])
         return Solution(
-            self.system, times[:reached], columns(A.x_asked), self._multipliers(columns),
-            columns(A.status_asked), log, None, outcome, cost, tolerances, unsure, self.system.parameters, None,
+            self.system, times[:reached], columns(A.x_asked), self._multipliers(of_multipliers),
+            of_multipliers(A.status_asked), log, None, outcome, cost, tolerances, unsure, self.system.parameters, None,
         )  # fmt: skip
 
     def _name_folds(self, codes: np.ndarray) -> None:

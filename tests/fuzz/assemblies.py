@@ -134,7 +134,7 @@ def structure(seed):
         rates = {y: w, w: pull(y) - y - F * lam(w - u) * (1 + e * sp.exp(-((w / c) ** 2))) - sp.tanh(3 * w) / 5}
     else:
         slip = family.memory("slip", 0)
-        speed = (1 + 9 * u) * sp.cos(2 * sp.pi * t)
+        speed = (1 + 9 * u) * (1 + t / 9) * sp.cos(2 * sp.pi * t)  # no element turns where it has turned
         events = [
             Event(k * y - F, direction=1, update={slip: 1}, when=sp.Eq(slip, 0), name="up"),
             Event(k * y + F, direction=-1, update={slip: 1}, when=sp.Eq(slip, 0), name="down"),
