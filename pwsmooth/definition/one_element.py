@@ -17,6 +17,7 @@ import sympy as sp
 from . import checks, lifting, lowering
 from . import reading as definition
 from .family import Expansion, Family, MemberMemory, MemberSum, involved, spread
+from .many import Numbers, Symbols
 from .model import Held, Model, Multiplier, Table
 from .primitives import Memory
 from .reading import Definition
@@ -139,33 +140,48 @@ class Element:
     definition: Definition  # of one element
     model: Model
     parameters: dict[sp.Symbol, float]
-    memories: tuple[Memory, ...]
     groups: dict[str, tuple[str, ...]]
 
-    @cached_property
-    def _blocks(self):
-        """For every element, as many as the largest family has: (parameter of the one element, its own)."""
+    def _of_element(self, k):
+        """(Parameter of the one element, that of element k)."""
         families = self.model.families
-        assert families is not None
-        of = families.template.families("parameters")
-        blocks = list(zip(families.template.model.parameters, of, strict=True))
-        most = max((families.sizes[f] for _, f in blocks if f is not None), default=1)
-        return [
-            [(s, families.symbol(s, k)) for s, f in blocks if f is None or k < families.sizes[f]]
-            for k in range(most)
-        ]
+        blocks = zip(families.template.model.parameters, families.template.families("parameters"), strict=True)
+        return [(s, families.symbol(s, k)) for s, f in blocks if f is None or k < families.sizes[f]]
+
+    @cached_property
+    def memories(self):
+        """Those of all elements."""
+        families = self.model.families
+        blocks = zip(
+            self.definition.memories,
+            families.template.families("states")[len(self.definition.field.states) :],
+            strict=True,
+        )
+        return tuple(
+            Memory(named(m.name, k), m.initial)
+            for m, f in blocks
+            for k in ([None] if f is None else range(families.sizes[f]))
+        )
 
     @cached_property
     def _element_of(self):
         """Parameter of an element -> its number."""
-        return {own: k for k, block in enumerate(self._blocks) for s, own in block if own is not s}
+        most = max(self.model.families.sizes)
+        return {own: k for k in range(most) for s, own in self._of_element(k) if own is not s}
 
     def check_values(self, parameters):
         """`Field.check_values` for the first element, and for every one that has a parameter 0."""
-        zero = (self._element_of.get(p, 0) for p, number in parameters.items() if number == 0)
+        if isinstance(parameters, Numbers):
+            symbols = parameters.symbols
+            zero = [
+                symbols.families.locate("parameters", int(i))[1] or 0
+                for i in np.flatnonzero(parameters.array == 0)
+            ]
+        else:
+            zero = [self._element_of.get(p, 0) for p, number in parameters.items() if number == 0]
         for k in sorted({0, *zero}):
             try:
-                self.definition.field.check_values({s: parameters[own] for s, own in self._blocks[k]})
+                self.definition.field.check_values({s: parameters[own] for s, own in self._of_element(k)})
             except ValueError as error:
                 raise ValueError(named(str(error), k)) from None
 
@@ -188,12 +204,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled)
         if min(families.sizes) < least or any(far):
             return None
         model = family_model(families)
-        memories = [
-            Memory(named(m.name, k), m.initial)
-            for m in plain.memories
-            for k in (range(families.sizes[one.places[m].family]) if m in one.places else [None])
-        ]
-        return Element(plain, model, _values(families, one, parameters or {}), tuple(memories), one.groups)
+        return Element(plain, model, _values(families, one, parameters or {}), one.groups)
     except (ValueError, TypeError):
         # Definition errors too: the written-out system raises them again, in the user's names.
         return None
@@ -201,9 +212,15 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled)
 
 def _values(families, one, numbers):
     """Parameter -> value of the model with families, in the order given."""
+    symbols = families.symbols("parameters")
+    if isinstance(symbols, Symbols):
+        found = symbols.numbers(numbers, "`parameters`", checks.parameter_value)
+        if np.isnan(found).any():
+            raise ValueError("a parameter has no value")  # told by what writes the elements out
+        return Numbers(symbols, found)
     given = spread(numbers, one.groups, "`parameters`")
     values = {key if isinstance(key, str) else key.name: value for key, value in given.items()}
-    return {s: checks.parameter_value(s, values[s.name]) for s in families.symbols("parameters")}
+    return {s: checks.parameter_value(s, values[s.name]) for s in symbols}
 
 
 def _template(plain, one):

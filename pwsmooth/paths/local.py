@@ -17,7 +17,7 @@ from ..definition.model import Held, Model
 from ..definition.template import LINKED, Families, family_model
 from ..kernels import state as names
 from ..kernels.local import state as local
-from ..results.records import EventLog, Outcome
+from ..results.records import AmbiguityLog, EventLog, Outcome
 from ..results.solution import Solution
 from .budget import SLICE, Budget
 from .event_driven import order_for
@@ -438,9 +438,8 @@ class _Run:
         tolerances = {"rtol": self.options.rtol, "atol": float(self.atol.max(initial=0.0)), "order": self.order}
         self._name_folds(A.event[:events])
         log = EventLog(A.event_t[:events].copy(), A.event[:events].copy(), event_words(self.model))
-        unsure = []
-        if ambiguities:
-            unsure = ambiguities_in_words(self.model, A.ambiguity_t[:ambiguities], A.ambiguity[:ambiguities])
+        words = functools.partial(ambiguities_in_words, self.model)
+        unsure = AmbiguityLog(A.ambiguity_t[:ambiguities].copy(), A.ambiguity[:ambiguities].copy(), words)
         return Solution(
             self.system, times[:reached], columns(A.x_asked), self._multipliers(columns),
             columns(A.status_asked), log, None, outcome, cost, tolerances, unsure, self.system.parameters, None,
