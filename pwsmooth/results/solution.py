@@ -143,6 +143,8 @@ class Solution(Described):
         self.sketch: Any = None  # of the scene that was solved
         self.tape: Any = None  # paths/tangents.py, of an event-driven run with dense output or derivatives
         self.whole: Any = None  # of a run without a tape that was asked for times, the one with its own
+        self.recorded: Any = None  # elements of a large family that were kept, and its events
+        self.catalogue: Any = None
         self.derived: Any = None  # what makes the Derivatives of a run with_respect_to=...
 
     @property

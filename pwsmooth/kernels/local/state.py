@@ -164,12 +164,13 @@ class Assembly(Bundle):
     # ---- what is kept
     event_t: "f8[room]"
     event: "i8[room, 4]"  # number of the surface among those of the whole system, kind, from, to
+    event_x: "f8[room, ns]"  # states of the element there
     events: "int"
     ambiguity_t: "f8[unsure]"
     ambiguity: "i8[unsure, 3]"
     ambiguities: "int"
     asked: "f8[times]"
-    keeps: "i8[elements]"  # its number among those that are kept, or -1
+    keeps: "i8[elements]"  # number of an element among those of which times and multipliers are kept, or -1
     next_asked: "i8[kept]"
     x_asked: "f8[times, kept, ns]"
     mult_asked: "f8[times, kept, nm]"
