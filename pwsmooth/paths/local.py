@@ -34,6 +34,7 @@ from .words import ambiguities_in_words, event_words
 LOCAL_FROM = 100  # elements: of fewer one loop over all is as fast
 _SHARE = 0.1  # of the tolerances, by which the rim of a patch may change
 _FIRST_ROOM = 256  # members and places of a patch
+_LEAN = 100_000  # elements, of more of which rows are short
 _FIRST_LOG = 2**14  # events
 _FLUSHED = 2**18  # events in the kernel's buffers, from which on they are given up to the log
 MANY = 1000  # elements, of more of which a run that is asked for no times keeps the ends alone
@@ -153,7 +154,9 @@ class _Run:
         from ..codegen.patch import PatchCode
 
         self.system, self.model, self.options = system, system.model, options
-        self.order = options.order or order_for(options.rtol, False)
+        # Of very many elements the rows of coefficients are what fills the memory: as few as two vectors hold.
+        large = self.model.families.sizes[0] > _LEAN and options.rtol >= 1e-10
+        self.order = options.order or (15 if large else order_for(options.rtol, False))
         families = self.model.families
         self.n = families.sizes[0]
         self.template = families.template
@@ -364,14 +367,14 @@ class _Run:
         of_all = np.setdiff1d(np.arange(len(self.p_fixed)), self.own_parameters)
         self.shared = self.p_fixed[of_all], self.p_blocks[of_all], values[[blocks[b] for b in of_all]]
         i = np.arange(n)
-        near = np.empty((n, len(offsets)), np.int64)
+        near = np.empty((n, len(offsets)), np.int32)
         for r, offset in enumerate(offsets):
             j = i + offset
             if offset >= LINKED:
                 near[:, r] = self.model.families.links[0].rows[:, offset - LINKED]
                 continue
             near[:, r] = j % n if self.template.periodic[0] else np.where((j >= 0) & (j < n), j, i)
-        pairs = np.stack([near.ravel(), np.repeat(i, len(offsets))], axis=1)
+        pairs = np.stack([near.ravel(), np.repeat(i.astype(np.int32), len(offsets))], axis=1)
         pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
         first = np.concatenate([[0], np.cumsum(np.bincount(pairs[:, 0], minlength=n))])
         sizes = dict(
@@ -382,7 +385,7 @@ class _Run:
         queue.place[:], queue.key[:] = -1, math.inf
         patch = local.Patch.zeros(sizes)
         A = self.A = local.Assembly.zeros(
-            sizes, kind=self._kind(), queue=queue, patch=patch, near=near, reader_first=first.astype(np.int64),
+            sizes, kind=self._kind(), queue=queue, patch=patch, near=near, reader_first=first,
             reader=np.ascontiguousarray(pairs[:, 1]), asked=times, t=t0, t_end=t1, share=_SHARE,
             alone=int(len(pairs) == 0), most=SLICE,
         )  # fmt: skip
