@@ -207,7 +207,7 @@ class Family:
 
         Parameters
         ----------
-        neighbours : array_like of int, shape (n, d), or sparse matrix, shape (n, n)
+        neighbours : array_like of int, shape (n, d), or sparse matrix, shape (n, n), dimensionless
             Numbers 1, ..., n of the d neighbours of each element, an element's own number where it has fewer; of a
             sparse matrix those of the entries in its row.
 
@@ -259,6 +259,7 @@ class Family:
         Returns
         -------
         Links
+            As of `links`: 2 for each axis.
 
         Raises
         ------
