@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import sympy as sp
+from sympy.solvers.solveset import NonlinearError
 
 from ..codegen.machine.cache import fingerprint
 from ..definition import checks
@@ -511,8 +512,7 @@ class _Run:
         if self.only_ends:
             # What has no polynomials yet is all that there is.
             first = self.initial or (A.x, A.mult, A.status)
-            pairs = zip(first, (A.x, A.mult, A.status), strict=True)
-            x, mult, status = (np.stack([a.T.ravel(), b.T.ravel()], axis=1) for a, b in pairs)
+            parts = [np.stack(pair) for pair in zip(first, (A.x, A.mult, A.status), strict=True)]
             times = np.array([times[0], A.t])
             names_of = {name: A.x_asked[:reached, :, b].T for b, name in enumerate(self.log.states)}
             for b, mu in enumerate(self.template.model.multipliers):
@@ -525,10 +525,9 @@ class _Run:
                 recorded = Recorded(asked[:reached], tuple((kept + 1).tolist()), names_of)
         else:
             times = times[:reached]
-            x, mult, status = (
-                part[:reached].transpose(2, 1, 0).reshape(-1, reached)
-                for part in (A.x_asked, A.mult_asked, A.status_asked)
-            )
+            parts = [part[:reached] for part in (A.x_asked, A.mult_asked, A.status_asked)]
+        own = [f is not None for f in self.template.families("multipliers")]
+        x, mult, status = map(self._rows, parts, ([True] * self.ns, own, own))
         ambiguities = A.ambiguities
         cost = {
             "steps": A.steps,
@@ -552,13 +551,20 @@ class _Run:
         solution.recorded, solution.catalogue = recorded, Catalogue(columns, surfaces, self.log.states, A.near)
         return solution
 
+    def _rows(self, part: np.ndarray, own: list[bool]) -> np.ndarray:
+        """Of times, elements and blocks: a row a number, one alone of what belongs to all elements."""
+        rows = [part[:, : self.n if each else 1, b].T for b, each in enumerate(own)]
+        return np.concatenate([np.empty((0, len(part)), part.dtype), *rows])
+
     def _name_folds(self, codes: np.ndarray) -> None:
         """Where static friction is two levels, a bound of its sigma is the fold of lambda."""
         first, n = self.model.families.starts("multipliers"), self.n
         for level in self.template.levels:
             at = first[level.multiplier]
             own = (codes[:, 0] >= at) & (codes[:, 0] < at + n) & (codes[:, 1] == names.EV_TANGENCY)
-            codes[own, 1] = names.EV_FOLD
+            own = np.flatnonzero(own)
+            folds = 1 + 3 * self._of_parameters(level.q) < 0  # else lambda comes to its bound before
+            codes[own[folds[codes[own, 0] - at]], 1] = names.EV_FOLD
 
     def _of_parameters(self, e: Any) -> np.ndarray:
         """An expression in parameters, of every element."""
@@ -675,6 +681,7 @@ def _extent(size: str, sizes: dict[str, int]) -> int:
     return sum(_product(term, sizes) for term in size.split("+"))
 
 
+@functools.lru_cache(maxsize=16)
 def _walls(template: Any) -> bool:
     """Whether what others read of an element that sticks does not depend on its neighbours."""
     model = template.model
@@ -683,26 +690,45 @@ def _walls(template: Any) -> bool:
         return False
     beside = {s for s, p in template.places if p.base is not None and p.offset}
     solved = [m for m in model.multipliers if m.kind == "algebraic" or m in sliding]
-    # Solved multipliers are held; what is chosen by parameters is one number.
-    rhs = [r.replace(Held, lambda lam, apart, held: held) for r in model.rhs]
-    residuals = [m.residual for m in solved]
-    chosen = {e: sp.Dummy() for r in (*rhs, *residuals) for e in r.atoms(sp.Piecewise)}
-    rhs, residuals = ([r.xreplace(chosen) for r in part] for part in (rhs, residuals))
+    unknowns = [m.symbol for m in solved]
+    # Solved multipliers are held; what is chosen may be any mixture.
+    whole = [
+        e.replace(Held, lambda lam, apart, held: held) for e in (*model.rhs, *(m.residual for m in solved))
+    ]
+    chosen = {e: sp.Add(*(sp.Dummy() * a for a, _ in e.args)) for r in whole for e in r.atoms(sp.Piecewise)}
+    held = {}  # states that stand where the surfaces are met
+    for h in (m.surface for m in sliding):
+        of = (x for x in model.states if x in h.free_symbols and not h.diff(x).free_symbols & set(model.states))
+        held |= {x: sp.expand(x - h / h.diff(x)) for x in list(of)[:1]}
+    whole = [r.xreplace(chosen).subs(held) for r in whole]
+    rhs, residuals = whole[: len(model.rhs)], whole[len(model.rhs) :]
     try:
-        found = sp.solve(residuals, [m.symbol for m in solved], dict=True)
-    except (NotImplementedError, ValueError):
+        linear = sp.linear_eq_to_matrix(residuals, unknowns)
+    except NonlinearError:
         return False
-    if len(found) != 1:
+    # What depends on what is seen in numbers at a point that has nothing special: formulas take minutes to cancel.
+    symbols = sorted(set().union(*(r.free_symbols for r in (*rhs, *residuals))) - set(unknowns), key=str)
+    solve, rates = sp.lambdify([symbols], linear, "numpy"), sp.lambdify([symbols, unknowns], rhs, "numpy")
+    point = np.random.default_rng(0).uniform(0.5, 1.5, len(symbols))
+
+    def at(place: np.ndarray) -> np.ndarray:
+        matrix, right = solve(place)
+        return np.array(rates(place, np.linalg.solve(matrix, right)[:, 0]), float)
+
+    try:
+        base = at(point)
+        moved = [at(point + 0.1 * unit) for unit in np.eye(len(symbols))]
+    except np.linalg.LinAlgError:
         return False
-    rates = dict(zip(model.states, (sp.cancel(r.subs(found[0])) for r in rhs), strict=True))
-    waiting, known = [p.base for _, p in template.places if p.offset and p.base in rates], set()
+    acts = ~(np.abs(np.array(moved) - base) <= 1e-9 * (1 + np.abs(base)))  # symbol, rate
+    waiting, known = [p.base for _, p in template.places if p.offset and p.base in model.states], set()
     while waiting:
         x = waiting.pop()
         if x in known:
             continue
         known.add(x)
-        free = rates[x].free_symbols
+        free = {s for s, row in zip(symbols, acts, strict=True) if row[model.states.index(x)]}
         if free & beside:
             return False
-        waiting += [s for s in free if s in rates]
+        waiting += [s for s in free if s in model.states]
     return True
