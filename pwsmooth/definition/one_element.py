@@ -18,7 +18,7 @@ from . import checks, lifting, lowering
 from . import reading as definition
 from .family import Expansion, Family, MemberMemory, MemberSum, involved, spread
 from .many import Numbers, Symbols
-from .model import Held, Model, Multiplier, Table
+from .model import Held, Model, Multiplier, Select, Table
 from .primitives import Memory
 from .reading import Definition
 from .regularity import second_derivative, total_derivative
@@ -343,7 +343,7 @@ def _multipliers(field, sums, places):
         if hidden and regularity == "sliding":
             level = _level(field, index, residual)
             levels.append(level)
-            stuck, moving = _two_levels(lam, level)
+            stuck, moving = _two_levels(lam, h, level)
             residual, hidden = stuck(residual), False
             field = replace(field, rates=tuple(map(moving, field.rates)))
         if regularity == "crossing" and second_derivative(lone, index, sampled(residual)) is not None:
@@ -365,14 +365,29 @@ def _cubic(e, lam):
     return powers[1,], powers.get((3,), sp.S.Zero)
 
 
+def _masked(e, lam, h):
+    """An expression without what lambda selects off its surface h = 0 alone, such as |v - V|, and what that was."""
+    masks = {}
+    for choice in e.atoms(Select):
+        if choice.args[0] == lam:
+            x = next((s for s in sorted(h.free_symbols, key=str) if sp.diff(h, s).is_number), None)
+            _, above, below = choice.args
+            on_surface = None if x is None else (above - below).subs(x, sp.solve(h, x)[0])
+            if on_surface is None or sp.expand(on_surface) != 0:
+                raise NoTemplate("a hidden term beside a force that jumps")
+            masks[choice] = sp.Dummy(real=True)
+    return e.xreplace(masks), {mask: choice for choice, mask in masks.items()}
+
+
 def _level(field, index, residual):
     """The two levels of a switch whose force is c (lambda + q lambda^3) wherever it stands; else NoTemplate."""
-    lam, _ = field.switches[index]
+    lam, surface = field.switches[index]
     elsewhere = [*(h for _, h in field.switches), *(r for _, r in field.algebraic)]
     elsewhere += [
         e for event in field.events for e in (event.surface, event.when, *(e for _, e in event.update)) if e
     ]
-    parts = [_cubic(e, lam) for e in (*field.rates, residual) if lam in e.free_symbols]
+    masked = [_masked(e, lam, surface)[0] for e in (*field.rates, residual)]
+    parts = [_cubic(e, lam) for e in masked if lam in e.free_symbols]
     shares = {sp.cancel(e3 / e1) for e1, e3 in parts}
     if any(lam in e.free_symbols for e in elsewhere) or len(shares) != 1:
         raise NoTemplate("a hidden term on a surface that slides")
@@ -384,13 +399,16 @@ def _level(field, index, residual):
     return Level(index, q, sp.Piecewise((fold, 1 + 3 * q < 0), (1 + q, True)))
 
 
-def _two_levels(lam, level):
+def _two_levels(lam, h, level):
     """How an expression changes: a residual, which knows the stick alone, and a rate."""
 
     def changed(e, factor):
         if lam not in e.free_symbols:
             return e
-        return e.subs(lam, 0) + _cubic(e, lam)[0] * lam * factor
+        e, masks = _masked(e, lam, h)
+        if lam not in e.free_symbols:
+            return e.xreplace(masks)
+        return (e.subs(lam, 0) + _cubic(e, lam)[0] * lam * factor).xreplace(masks)
 
     both = Held(lam, level.slip, level.peak)
     return lambda e: changed(e, level.peak), lambda e: changed(e, both)
