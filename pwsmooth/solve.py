@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from .definition import checks
+from .definition.recording import Record
 from .paths.budget import MOST_STEPS, opened
 from .paths.event_driven import LOOSEST, EventDriven, Options, prepared_run
 from .paths.local import LOCAL_FROM, MANY, run_locally, runs_locally
@@ -40,6 +41,7 @@ def solve(
     noise: Any = None,
     with_respect_to: Sequence[Any] | None = None,
     local: bool | None = None,
+    record: Record | None = None,
 ) -> Solution:
     """Solve a piecewise-smooth system from `x0` over `t_span`.
 
@@ -95,6 +97,8 @@ def solve(
         number, or all of them. By default it does where the structure allows it (`System.describe` says), of
         {few} elements and more with `t_eval`, and of more than {many} elements without: then the solution has
         the start and the end alone.
+    record : Record, optional
+        Of a run with local events: which elements are kept, where the events go, a checkpoint.
 
     Returns
     -------
@@ -187,8 +191,12 @@ def solve(
         rows = with_respect_to is not None
         taped = rows or (dense_output and model.families is None)
         options = Options(method, rtol, atol, dense_output, max_step, max_steps, order, strict, taped, rows)
+        if record is not None:
+            local = True if local is None else local
         if runs_locally(model, options, times, local, kicks is not None, with_respect_to is not None):
-            return run_locally(system, t0, t1, start, times, options, spending)
+            return run_locally(system, t0, t1, start, times, options, record, spending)
+        if record is not None:
+            raise ValueError("`record` is given, but the run is not one of local events; leave it out.")
         if model.families is not None and model.families.template.levels:
             system = system._written_out()
             model, p = system.model, np.array(system.parameter_values, float)

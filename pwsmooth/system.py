@@ -22,6 +22,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
+import numpy as np
 import sympy as sp
 
 from .definition import checks, discs, one_element
@@ -31,6 +32,7 @@ from .definition.family import spread
 from .definition.functions import check_start, read_functions
 from .definition.lifting import plain
 from .definition.lowering import lower
+from .definition.many import Numbers, Symbols
 from .definition.mechanics import arguments_of, mechanism
 from .definition.notation import named_rows, rate_of, solved_for_rates, time_of, without_impulses
 from .definition.primitives import Disc
@@ -358,6 +360,8 @@ class System(DescribedSystem):
     @property
     def parameter_values(self):
         """Values in the order of `model.parameters`, in the units of the model."""
+        if isinstance(self.parameters, Numbers):
+            return self.parameters.array
         return tuple(self.parameters[p] for p in self.model.parameters)
 
     @property
@@ -396,6 +400,8 @@ class System(DescribedSystem):
         ValueError, TypeError
             Names that this view does not have, missing states, wrong length, nan or infinity.
         """
+        if isinstance(self.model.states, Symbols):
+            return self._many_initial(x0)
         if "start" not in self._cache:
             memory = {plain(m): m.initial for m in (self._element or self.definition).memories}
             cells = [
@@ -412,6 +418,23 @@ class System(DescribedSystem):
             start[index] = table.cell(t0)
         for u in controls if t0 is not None else ():
             u._check_run(t0, self.parameters)
+        return start
+
+    def _many_initial(self, x0):
+        """The initial state of a family of many, as an array."""
+        states = self.model.states
+        if isinstance(x0, Mapping):
+            initial = np.full(len(states), np.nan)
+            for m in self._element.definition.memories:
+                first, n = states.blocks[m.name.replace("[]", "")]
+                initial[first : first + (n or 1)] = m.initial
+            start = states.numbers(x0, "`x0`", checks.initial_value, initial)
+        else:
+            start = checks.array(x0, "`x0`")
+        if start.shape != (len(states),) or np.isnan(start).any():
+            raise ValueError(
+                f"`x0` does not give each of {len(states)} states a value; give all of {', '.join(states.blocks)}."
+            )
         return start
 
     def with_parameters(self, parameters):
@@ -433,8 +456,12 @@ class System(DescribedSystem):
             No parameter of that name, a value outside the symbol's assumptions, or no number.
         """
         other = copy.copy(self)
-        other.parameters = dict(self.parameters)
         values = checks.mapping(parameters, "`parameters`", "parameters to values")
+        if isinstance(self.parameters, Numbers):
+            other.parameters = self.parameters.changed(values)
+            other._check_values()
+            return other
+        other.parameters = dict(self.parameters)
         by_name = {p.name: p for p in self.parameters}
         for key, number in self._spread(values, "`parameters`").items():
             p = by_name.get(key) or checks.lookup(key, self.parameters, "`parameters`", "parameter")

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import singledispatchmethod
 
@@ -18,6 +19,7 @@ import numpy as np
 import sympy as sp
 
 from . import checks
+from .many import MANY, Names
 from .model import of_event
 from .primitives import Algebraic, Event, Memory, Reaction, Switch, Unilateral
 
@@ -205,7 +207,7 @@ class Family:
 
         Parameters
         ----------
-        neighbours : array_like of int, shape (n, d), or sparse matrix, shape (n, n)
+        neighbours : array_like of int, shape (n, d), or sparse matrix, shape (n, n), dimensionless
             Numbers 1, ..., n of the d neighbours of each element, an element's own number where it has fewer; of a
             sparse matrix those of the entries in its row.
 
@@ -257,6 +259,7 @@ class Family:
         Returns
         -------
         Links
+            As of `links`: 2 for each axis.
 
         Raises
         ------
@@ -495,7 +498,7 @@ class Expansion:
     """
 
     def __init__(self):
-        self.groups: dict[str, tuple[str, ...]] = {}
+        self.groups: dict[str, Sequence[str]] = {}
         self.sums: dict[sp.Symbol, tuple[Family, sp.Expr]] = {}  # of what is not written out (one_element.py)
         self.members: dict[sp.Symbol, tuple[str, int]] = {}
         self._memo: dict[tuple[sp.Basic, int | None], sp.Basic] = {}
@@ -562,7 +565,8 @@ class Expansion:
         return Reaction(name, self.element(s.gap, k), self.element(s.restitution, k))
 
     def _group(self, name, n):
-        self.groups[name] = tuple(f"{name}_{i + 1}" for i in range(n))
+        if name not in self.groups:
+            self.groups[name] = Names(name, n) if n > MANY else tuple(f"{name}_{i + 1}" for i in range(n))
 
     # ---- parts of a system
 

@@ -17,7 +17,8 @@ import sympy as sp
 from . import checks, lifting, lowering
 from . import reading as definition
 from .family import Expansion, Family, MemberMemory, MemberSum, involved, spread
-from .model import Held, Model, Multiplier, Table
+from .many import Numbers, Symbols
+from .model import Held, Model, Multiplier, Select, Table
 from .primitives import Memory
 from .reading import Definition
 from .regularity import second_derivative, total_derivative
@@ -139,33 +140,48 @@ class Element:
     definition: Definition  # of one element
     model: Model
     parameters: dict[sp.Symbol, float]
-    memories: tuple[Memory, ...]
     groups: dict[str, tuple[str, ...]]
 
-    @cached_property
-    def _blocks(self):
-        """For every element, as many as the largest family has: (parameter of the one element, its own)."""
+    def _of_element(self, k):
+        """(Parameter of the one element, that of element k)."""
         families = self.model.families
-        assert families is not None
-        of = families.template.families("parameters")
-        blocks = list(zip(families.template.model.parameters, of, strict=True))
-        most = max((families.sizes[f] for _, f in blocks if f is not None), default=1)
-        return [
-            [(s, families.symbol(s, k)) for s, f in blocks if f is None or k < families.sizes[f]]
-            for k in range(most)
-        ]
+        blocks = zip(families.template.model.parameters, families.template.families("parameters"), strict=True)
+        return [(s, families.symbol(s, k)) for s, f in blocks if f is None or k < families.sizes[f]]
+
+    @cached_property
+    def memories(self):
+        """Those of all elements."""
+        families = self.model.families
+        blocks = zip(
+            self.definition.memories,
+            families.template.families("states")[len(self.definition.field.states) :],
+            strict=True,
+        )
+        return tuple(
+            Memory(named(m.name, k), m.initial)
+            for m, f in blocks
+            for k in ([None] if f is None else range(families.sizes[f]))
+        )
 
     @cached_property
     def _element_of(self):
         """Parameter of an element -> its number."""
-        return {own: k for k, block in enumerate(self._blocks) for s, own in block if own is not s}
+        most = max(self.model.families.sizes)
+        return {own: k for k in range(most) for s, own in self._of_element(k) if own is not s}
 
     def check_values(self, parameters):
         """`Field.check_values` for the first element, and for every one that has a parameter 0."""
-        zero = (self._element_of.get(p, 0) for p, number in parameters.items() if number == 0)
+        if isinstance(parameters, Numbers):
+            symbols = parameters.symbols
+            zero = [
+                symbols.families.locate("parameters", int(i))[1] or 0
+                for i in np.flatnonzero(parameters.array == 0)
+            ]
+        else:
+            zero = [self._element_of.get(p, 0) for p, number in parameters.items() if number == 0]
         for k in sorted({0, *zero}):
             try:
-                self.definition.field.check_values({s: parameters[own] for s, own in self._blocks[k]})
+                self.definition.field.check_values({s: parameters[own] for s, own in self._of_element(k)})
             except ValueError as error:
                 raise ValueError(named(str(error), k)) from None
 
@@ -188,12 +204,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled)
         if min(families.sizes) < least or any(far):
             return None
         model = family_model(families)
-        memories = [
-            Memory(named(m.name, k), m.initial)
-            for m in plain.memories
-            for k in (range(families.sizes[one.places[m].family]) if m in one.places else [None])
-        ]
-        return Element(plain, model, _values(families, one, parameters or {}), tuple(memories), one.groups)
+        return Element(plain, model, _values(families, one, parameters or {}), one.groups)
     except (ValueError, TypeError):
         # Definition errors too: the written-out system raises them again, in the user's names.
         return None
@@ -201,9 +212,15 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled)
 
 def _values(families, one, numbers):
     """Parameter -> value of the model with families, in the order given."""
+    symbols = families.symbols("parameters")
+    if isinstance(symbols, Symbols):
+        found = symbols.numbers(numbers, "`parameters`", checks.parameter_value)
+        if np.isnan(found).any():
+            raise ValueError("a parameter has no value")  # told by what writes the elements out
+        return Numbers(symbols, found)
     given = spread(numbers, one.groups, "`parameters`")
     values = {key if isinstance(key, str) else key.name: value for key, value in given.items()}
-    return {s: checks.parameter_value(s, values[s.name]) for s in families.symbols("parameters")}
+    return {s: checks.parameter_value(s, values[s.name]) for s in symbols}
 
 
 def _template(plain, one):
@@ -326,7 +343,7 @@ def _multipliers(field, sums, places):
         if hidden and regularity == "sliding":
             level = _level(field, index, residual)
             levels.append(level)
-            stuck, moving = _two_levels(lam, level)
+            stuck, moving = _two_levels(lam, h, level)
             residual, hidden = stuck(residual), False
             field = replace(field, rates=tuple(map(moving, field.rates)))
         if regularity == "crossing" and second_derivative(lone, index, sampled(residual)) is not None:
@@ -348,14 +365,29 @@ def _cubic(e, lam):
     return powers[1,], powers.get((3,), sp.S.Zero)
 
 
+def _masked(e, lam, h):
+    """An expression without what lambda selects off its surface h = 0 alone, such as |v - V|, and what that was."""
+    masks = {}
+    for choice in e.atoms(Select):
+        if choice.args[0] == lam:
+            x = next((s for s in sorted(h.free_symbols, key=str) if sp.diff(h, s).is_number), None)
+            _, above, below = choice.args
+            on_surface = None if x is None else (above - below).subs(x, sp.solve(h, x)[0])
+            if on_surface is None or sp.expand(on_surface) != 0:
+                raise NoTemplate("a hidden term beside a force that jumps")
+            masks[choice] = sp.Dummy(real=True)
+    return e.xreplace(masks), {mask: choice for choice, mask in masks.items()}
+
+
 def _level(field, index, residual):
     """The two levels of a switch whose force is c (lambda + q lambda^3) wherever it stands; else NoTemplate."""
-    lam, _ = field.switches[index]
+    lam, surface = field.switches[index]
     elsewhere = [*(h for _, h in field.switches), *(r for _, r in field.algebraic)]
     elsewhere += [
         e for event in field.events for e in (event.surface, event.when, *(e for _, e in event.update)) if e
     ]
-    parts = [_cubic(e, lam) for e in (*field.rates, residual) if lam in e.free_symbols]
+    masked = [_masked(e, lam, surface)[0] for e in (*field.rates, residual)]
+    parts = [_cubic(e, lam) for e in masked if lam in e.free_symbols]
     shares = {sp.cancel(e3 / e1) for e1, e3 in parts}
     if any(lam in e.free_symbols for e in elsewhere) or len(shares) != 1:
         raise NoTemplate("a hidden term on a surface that slides")
@@ -367,13 +399,16 @@ def _level(field, index, residual):
     return Level(index, q, sp.Piecewise((fold, 1 + 3 * q < 0), (1 + q, True)))
 
 
-def _two_levels(lam, level):
+def _two_levels(lam, h, level):
     """How an expression changes: a residual, which knows the stick alone, and a rate."""
 
     def changed(e, factor):
         if lam not in e.free_symbols:
             return e
-        return e.subs(lam, 0) + _cubic(e, lam)[0] * lam * factor
+        e, masks = _masked(e, lam, h)
+        if lam not in e.free_symbols:
+            return e.xreplace(masks)
+        return (e.subs(lam, 0) + _cubic(e, lam)[0] * lam * factor).xreplace(masks)
 
     both = Held(lam, level.slip, level.peak)
     return lambda e: changed(e, level.peak), lambda e: changed(e, both)

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from .many import MANY, Symbols
 from .model import Model, Table
 
 MARK = "[]"  # in the name of what every element has
@@ -174,8 +175,10 @@ class Families:
                 values[s] = self.symbol(s, k)
         return e.xreplace(values) if values else e
 
-    def symbols(self, kind: str) -> tuple[sp.Symbol, ...]:
-        """All states or parameters."""
+    def symbols(self, kind: str) -> Any:
+        """All states or parameters, as a tuple or, of many, made when they are asked for."""
+        if self.starts(kind)[-1] > MANY:
+            return Symbols(self, kind)
         blocks = zip(getattr(self.template.model, kind), self.template.families(kind))
         return tuple(
             self.symbol(s, k) for s, f in blocks for k in ([None] if f is None else range(self.sizes[f]))

@@ -6,19 +6,26 @@ Chain: solve -> event_driven.py, or **this file** where the structure allows it 
 from __future__ import annotations
 
 import functools
+import hashlib
 import math
+import os
+import sys
+import time
 from typing import Any
 
 import numpy as np
 import sympy as sp
 from sympy.solvers.solveset import NonlinearError
 
+from ..codegen.machine.cache import fingerprint
 from ..definition import checks
 from ..definition.model import Held, Model
-from ..definition.template import LINKED, Families, family_model
+from ..definition.recording import Record
+from ..definition.template import LINKED, Families, Level, family_model
 from ..kernels import state as names
 from ..kernels.local import state as local
-from ..results.records import EventLog, Outcome
+from ..results.assembly import Catalogue, Recorded, StoredLog, Writer
+from ..results.records import AmbiguityLog, Outcome
 from ..results.solution import Solution
 from .budget import SLICE, Budget
 from .event_driven import order_for
@@ -27,7 +34,10 @@ from .words import ambiguities_in_words, event_words
 
 LOCAL_FROM = 100  # elements: of fewer one loop over all is as fast
 _SHARE = 0.1  # of the tolerances, by which the rim of a patch may change
-_FIRST_ROOM = 256  # members and places of a patch, events in the log
+_FIRST_ROOM = 256  # members and places of a patch
+_LEAN = 100_000  # elements, of more of which rows are short
+_FIRST_LOG = 2**14  # events
+_FLUSHED = 2**18  # events in the kernel's buffers, from which on they are given up to the log
 MANY = 1000  # elements, of more of which a run that is asked for no times keeps the ends alone
 _COLUMNS = 201  # of a run of fewer that is asked for none
 _EMPTY = np.zeros(0, np.int64)
@@ -123,11 +133,18 @@ def runs_locally(
 
 
 def run_locally(
-    system: Any, t0: float, t1: float, start: Any, times: Any, options: Any, spending: Budget
+    system: Any,
+    t0: float,
+    t1: float,
+    start: Any,
+    times: Any,
+    options: Any,
+    record: Record | None,
+    spending: Budget,
 ) -> Solution:
     """The Solution of one run, every event of which renews the elements that it reaches."""
     options = options.checked(system.model)
-    return _Run(system, options).solve(t0, t1, start, times, spending)
+    return _Run(system, options).solve(t0, t1, start, times, record, spending)
 
 
 class _Run:
@@ -138,7 +155,9 @@ class _Run:
         from ..codegen.patch import PatchCode
 
         self.system, self.model, self.options = system, system.model, options
-        self.order = options.order or order_for(options.rtol, False)
+        # Of very many elements the rows of coefficients are what fills the memory: as few as two vectors hold.
+        large = self.model.families.sizes[0] > _LEAN and options.rtol >= 1e-10
+        self.order = options.order or (15 if large else order_for(options.rtol, False))
         families = self.model.families
         self.n = families.sizes[0]
         self.template = families.template
@@ -341,7 +360,7 @@ class _Run:
 
     # ---- the whole
 
-    def _assembly(self, t0: float, t1: float, start: np.ndarray, times: np.ndarray) -> None:
+    def _assembly(self, t0: float, t1: float, start: np.ndarray, times: np.ndarray, kept: np.ndarray) -> None:
         n, ns, nm, ne = self.n, self.ns, self.nm, self.ne
         offsets = self.code.offsets
         values = np.array(self.system.parameter_values, float)
@@ -349,25 +368,25 @@ class _Run:
         of_all = np.setdiff1d(np.arange(len(self.p_fixed)), self.own_parameters)
         self.shared = self.p_fixed[of_all], self.p_blocks[of_all], values[[blocks[b] for b in of_all]]
         i = np.arange(n)
-        near = np.empty((n, len(offsets)), np.int64)
+        near = np.empty((n, len(offsets)), np.int32)
         for r, offset in enumerate(offsets):
             j = i + offset
             if offset >= LINKED:
                 near[:, r] = self.model.families.links[0].rows[:, offset - LINKED]
                 continue
             near[:, r] = j % n if self.template.periodic[0] else np.where((j >= 0) & (j < n), j, i)
-        pairs = np.stack([near.ravel(), np.repeat(i, len(offsets))], axis=1)
+        pairs = np.stack([near.ravel(), np.repeat(i.astype(np.int32), len(offsets))], axis=1)
         pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
         first = np.concatenate([[0], np.cumsum(np.bincount(pairs[:, 0], minlength=n))])
         sizes = dict(
-            elements=n, ns=ns, nm=nm, ne=ne, nr=len(offsets), np=len(self.own_parameters), width=self.width, kept=n,
-            times=len(times), room=4 * _FIRST_ROOM + 2 * n, unsure=4 * _FIRST_ROOM, most=0, near_places=0, cells=0,
+            elements=n, ns=ns, nm=nm, ne=ne, nr=len(offsets), np=len(self.own_parameters), width=self.width,
+            kept=len(kept), times=len(times), room=_FIRST_LOG, unsure=_FIRST_LOG, most=0, near_places=0, cells=0,
         )  # fmt: skip
         queue = local.Queue.zeros(sizes)
         queue.place[:], queue.key[:] = -1, math.inf
         patch = local.Patch.zeros(sizes)
         A = self.A = local.Assembly.zeros(
-            sizes, kind=self._kind(), queue=queue, patch=patch, near=near, reader_first=first.astype(np.int64),
+            sizes, kind=self._kind(), queue=queue, patch=patch, near=near, reader_first=first,
             reader=np.ascontiguousarray(pairs[:, 1]), asked=times, t=t0, t_end=t1, share=_SHARE,
             alone=int(len(pairs) == 0), most=SLICE,
         )  # fmt: skip
@@ -380,7 +399,9 @@ class _Run:
         A.status[:] = 1
         A.met[:] = A.grazed[:] = math.inf
         A.active[:], A.active_place[:], A.actives = i, i, n
-        A.seen[:], A.keeps[:] = -1, i
+        A.seen[:], A.keeps[:] = -1, -1
+        A.keeps[kept] = np.arange(len(kept))
+        self.initial = None
         A.slip_share[:] = math.inf
         for level in self.template.levels:
             A.slip_share[:, level.multiplier] = self._of_parameters(level.slip / level.peak)
@@ -389,71 +410,151 @@ class _Run:
         for a, b in enumerate(self.own_parameters):
             A.p[:, a] = values[blocks[b] : blocks[b + 1]]
 
-    def solve(self, t0: float, t1: float, start: Any, times: Any, spending: Budget) -> Solution:
-        options = self.options
-        self.atol = np.broadcast_to(options.atol, self.n * self.ns)
-        asked = times
-        if times is None:
-            asked = np.linspace(t0, t1, _COLUMNS) if self.n <= MANY else np.array([t0, t1])
-        self._assembly(t0, t1, np.array(start, float), np.asarray(asked, float))
+    def solve(
+        self, t0: float, t1: float, start: Any, times: Any, record: Record | None, spending: Budget
+    ) -> Solution:
+        self.atol = np.broadcast_to(self.options.atol, self.n * self.ns)
+        ends = np.array([t0, t1])
+        self.record = record
+        self.only_ends = record is not None or (times is None and self.n > MANY)
+        if self.only_ends:
+            kept = self._elements(record)
+            asked = times if times is not None and len(kept) else np.empty(0)
+        else:
+            kept = np.arange(self.n)
+            asked = np.linspace(t0, t1, _COLUMNS) if times is None else times
+        self._assembly(t0, t1, np.array(start, float), np.asarray(asked, float), kept)
         self._bundles(_FIRST_ROOM)
-        A = self.A
-        code = names.AGAIN
+        text = self.template.model
+        self.names = [str(s) for s in text.states]
+        self.log = Writer(record and record.events, [n.replace("[]", "") for n in self.names])
+        saved = Saved(self, t0, ends, start) if record and record.checkpoint else None
+        if saved:
+            saved.load()
+        code = self._advance(spending, saved)
+        if saved and code == Outcome.FINISHED:
+            saved.remove()
+        return self._solution(Outcome(code), ends if self.only_ends else asked, asked, kept)
+
+    def _elements(self, record: Record | None) -> np.ndarray:
+        """Numbers 0, ..., n - 1 of those that are kept."""
+        wanted = np.array(record.elements if record and record.elements else (), np.int64)
+        if len(wanted) and np.abs(wanted).max() > self.n:
+            raise ValueError(
+                f"`elements` of `record` names {np.abs(wanted).max()}; the family has 1 to {self.n}."
+            )
+        return np.where(wanted > 0, wanted - 1, self.n + wanted)
+
+    def _advance(self, spending: Budget, saved: Saved | None) -> int:
+        """Runs the kernel to the end; a code. It comes back now and then, to hear the clock and to give up events."""
+        A, shown, last = self.A, 0.0, self.log.rows
         while True:
             before = A.renewed
             code = self.loop(A, self.P, self.C, self.S, self.R, self.W)
             spending.spend((A.renewed - before) // self.n + 1)
+            if code == names.AGAIN and A.slabs == 2 and self.initial is None:
+                self.initial = A.x.copy(), A.mult.copy(), A.status.copy()
+            if A.events >= _FLUSHED or code not in (names.AGAIN, Outcome.OUT_OF_MEMORY):
+                self._flush()
             if code == Outcome.OUT_OF_MEMORY:
                 self._enlarge()
-            elif code != names.AGAIN:
-                break
-            elif spending.late():
-                code = Outcome.TIME_LIMIT
-                break
-            elif spending.left <= 0:
-                code = Outcome.TOO_MANY_STEPS
-                break
-        return self._solution(Outcome(code), asked)
+                continue
+            if code != names.AGAIN:
+                return code
+            if saved and self.log.rows + A.events >= last + saved.every:
+                self._flush()
+                last = self.log.rows
+                saved.write()
+            if self.record and self.record.progress and (now := time.monotonic()) > shown + 1.0:
+                shown = now
+                events = self.log.rows + A.events
+                print(f"t = {A.slab_begin:.6g}, {events} events, {A.actives} elements move", file=sys.stderr)
+            if spending.late():
+                return Outcome.TIME_LIMIT
+            if spending.left <= 0:
+                return Outcome.TOO_MANY_STEPS
+
+    def _flush(self) -> None:
+        """Events from the kernel's buffers into the log."""
+        A, count = self.A, self.A.events
+        if not count:
+            return
+        self._name_folds(A.event[:count])
+        first, own = A.kind.s_first, A.kind.s_own
+        surface = np.searchsorted(first, A.event[:count, 0], side="right") - 1
+        self.log.append({
+            "t": A.event_t[:count], "surface": surface.astype(np.int32),
+            "element": np.where(own[surface] != 0, A.event[:count, 0] - first[surface] + 1, 0).astype(np.int32),
+            **{name: A.event[:count, c].astype(np.int8) for c, name in enumerate(("kind", "came", "went"), 1)},
+            **{f"state {name}": A.event_x[:count, b] for b, name in enumerate(self.log.states)},
+        })  # fmt: skip
+        A.events = 0
 
     def _enlarge(self) -> None:
         A = self.A
         if A.patch.needs:
             self._bundles(max(2 * self.most, A.patch.needs))
             return
-        for time, what in (("event_t", "event"), ("ambiguity_t", "ambiguity")):
-            for name in (time, what):
+        logs = (("event_t", "event", "event_x"), A.events), (("ambiguity_t", "ambiguity"), A.ambiguities)
+        for arrays, count in logs:
+            room = count + 16 * (self.nm + self.ne) * self.most + 1024
+            for name in arrays:
                 old = getattr(A, name)
-                new = np.zeros((2 * len(old) + 8 * (self.nm + self.ne) * self.most, *old.shape[1:]), old.dtype)
-                new[: len(old)] = old
-                type(A).members[name].give(A, new)
+                if len(old) < room:
+                    new = np.zeros((2 * room, *old.shape[1:]), old.dtype)
+                    new[:count] = old[:count]
+                    type(A).members[name].give(A, new)
 
-    def _solution(self, outcome: Outcome, times: np.ndarray) -> Solution:
+    def _solution(self, outcome: Outcome, times: np.ndarray, asked: np.ndarray, kept: np.ndarray) -> Solution:
         A = self.A
-        reached = int(A.next_asked.min(initial=len(times)))
-
-        def columns(kept: np.ndarray) -> np.ndarray:
-            return kept[:reached].transpose(2, 1, 0).reshape(-1, reached)
-
-        def of_multipliers(kept: np.ndarray) -> np.ndarray:
-            own = [f is not None for f in self.template.families("multipliers")]
-            rows = [
-                part if each else part[:1]
-                for part, each in zip(kept[:reached].transpose(2, 1, 0), own, strict=True)
-            ]
-            return np.concatenate([*rows, np.empty((0, reached))])
-
-        events, ambiguities = A.events, A.ambiguities
-        cost = {"steps": A.steps, "jets": A.jets, "events": events, "layers": A.layers}
+        reached = int(A.next_asked.min(initial=len(asked)))
+        recorded = None
+        if self.only_ends:
+            # What has no polynomials yet is all that there is.
+            first = self.initial or (A.x, A.mult, A.status)
+            parts = [np.stack(pair) for pair in zip(first, (A.x, A.mult, A.status), strict=True)]
+            times = np.array([times[0], A.t])
+            names_of = {name: A.x_asked[:reached, :, b].T for b, name in enumerate(self.log.states)}
+            for b, mu in enumerate(self.template.model.multipliers):
+                kept_mult = A.mult_asked[:reached, :, b].T
+                for level in self.template.levels:
+                    if level.multiplier == b:
+                        kept_mult = self._lambda(level, kept_mult, A.status_asked[:reached, :, b].T, kept)
+                names_of[mu.symbol.name.replace("[]", "")] = kept_mult
+            if len(kept):
+                recorded = Recorded(asked[:reached], tuple((kept + 1).tolist()), names_of)
+        else:
+            times = times[:reached]
+            parts = [part[:reached] for part in (A.x_asked, A.mult_asked, A.status_asked)]
+        own = [f is not None for f in self.template.families("multipliers")]
+        x, mult, status = map(self._rows, parts, ([True] * self.ns, own, own))
+        ambiguities = A.ambiguities
+        cost = {
+            "steps": A.steps,
+            "jets": A.jets,
+            "events": self.log.rows,
+            "layers": A.layers,
+            "renewed": A.renewed,
+        }
         tolerances = {"rtol": self.options.rtol, "atol": float(self.atol.max(initial=0.0)), "order": self.order}
-        self._name_folds(A.event[:events])
-        log = EventLog(A.event_t[:events].copy(), A.event[:events].copy(), event_words(self.model))
-        unsure = []
-        if ambiguities:
-            unsure = ambiguities_in_words(self.model, A.ambiguity_t[:ambiguities], A.ambiguity[:ambiguities])
-        return Solution(
-            self.system, times[:reached], columns(A.x_asked), self._multipliers(of_multipliers),
-            of_multipliers(A.status_asked), log, None, outcome, cost, tolerances, unsure, self.system.parameters, None,
+        words = functools.partial(ambiguities_in_words, self.model)
+        unsure = AmbiguityLog(A.ambiguity_t[:ambiguities].copy(), A.ambiguity[:ambiguities].copy(), words)
+        columns = self.log.columns()
+        log = StoredLog(columns, A.kind.s_first.copy(), event_words(self.model))
+        solution = Solution(
+            self.system, times, x, self._multipliers(mult, status), status, log, None, outcome, cost,
+            tolerances, unsure, self.system.parameters, None,
         )  # fmt: skip
+        text = self.template.model
+        surfaces = [mu.symbol.name.replace("[]", "") for mu in text.multipliers]
+        surfaces += [str(e.name).replace(" []", "") for e in text.events]
+        solution.recorded, solution.catalogue = recorded, Catalogue(columns, surfaces, self.log.states, A.near)
+        return solution
+
+    def _rows(self, part: np.ndarray, own: list[bool]) -> np.ndarray:
+        """Of times, elements and blocks: a row a number, one alone of what belongs to all elements."""
+        rows = [part[:, : self.n if each else 1, b].T for b, each in enumerate(own)]
+        return np.concatenate([np.empty((0, len(part)), part.dtype), *rows])
 
     def _name_folds(self, codes: np.ndarray) -> None:
         """Where static friction is two levels, a bound of its sigma is the fold of lambda."""
@@ -473,19 +574,100 @@ class _Run:
         given = [values[a:b] for a, b in zip(first, first[1:], strict=False)]
         return np.broadcast_to(sp.lambdify(symbols, e, "numpy")(*given) if symbols else float(e), self.n)
 
-    def _multipliers(self, columns: Any) -> np.ndarray:
+    def _multipliers(self, mult: np.ndarray, status: np.ndarray) -> np.ndarray:
         """The multipliers, lambda in the place of sigma where static friction is two levels."""
-        A, result = self.A, columns(self.A.mult_asked)
         first = self.model.families.starts("multipliers")
         for level in self.template.levels:
             rows = slice(first[level.multiplier], first[level.multiplier] + self.n)
-            q, peak = (self._of_parameters(e)[:, None] for e in (level.q, level.peak))
-            fold = np.sqrt(-1 / (3 * q))
-            # lambda + q lambda^3 = peak sigma on the branch between the folds: the triple angle.
-            share = np.clip(1.5 * peak * result[rows] / fold, -1.0, 1.0)
-            sticks = columns(A.status_asked)[rows] == names.SOLVED
-            result[rows] = np.where(sticks, 2 * fold * np.sin(np.arcsin(share) / 3), result[rows])
-        return result
+            mult[rows] = self._lambda(level, mult[rows], status[rows], np.arange(self.n))
+        return mult
+
+    def _lambda(self, level: Level, sigma: np.ndarray, status: np.ndarray, elements: np.ndarray) -> np.ndarray:
+        """Of some elements, a row each: lambda + q lambda^3 = peak sigma on the branch between the folds, by the triple
+        angle."""
+        q, peak = (self._of_parameters(e)[elements, None] for e in (level.q, level.peak))
+        fold = np.sqrt(-1 / (3 * q))
+        share = np.clip(1.5 * peak * sigma / fold, -1.0, 1.0)
+        return np.where(status == names.SOLVED, 2 * fold * np.sin(np.arcsin(share) / 3), sigma)
+
+
+class Saved:
+    """A checkpoint: all that a run carries from call to call, in one file that is replaced as a whole."""
+
+    def __init__(self, run: _Run, t0: float, ends: np.ndarray, start: Any):
+        self.run, self.path, self.every = run, run.record.checkpoint, run.record.checkpoint_every
+        told = repr((ends.tolist(), run.options, run.order, run.n, run.A.asked.tolist(), run.A.keeps.max()))
+        content = (
+            told.encode() + np.array(start, float).tobytes() + np.array(run.system.parameter_values).tobytes()
+        )
+        content += fingerprint(run.template).encode()
+        self.mark = hashlib.sha256(content).hexdigest()
+
+    def _parts(self) -> Any:
+        A = self.run.A
+        static = {
+            "near",
+            "reader_first",
+            "reader",
+            "p",
+            "shift",
+            "asked",
+            "slip_share",
+            "keeps",
+            "number",
+            "cell",
+        }
+        for name, bundle in (("", A), ("queue.", A.queue), ("patch.", A.patch)):
+            for key, member in type(bundle).members.items():
+                if hasattr(member, "cells"):
+                    yield name + key, bundle, key, False
+                elif hasattr(member, "rank") and key not in static:
+                    yield name + key, bundle, key, True
+
+    def write(self) -> None:
+        run = self.run
+        kept = {name: np.asarray(getattr(bundle, key)) for name, bundle, key, _ in self._parts()}
+        for name, part in zip(("x", "mult", "status"), run.initial or (), strict=False):
+            kept[f"initial.{name}"] = part
+        beside = self.path.with_name(self.path.name + ".new")
+        with open(beside, "wb") as stream:
+            np.savez(stream, mark=np.array(self.mark), rows=np.array(run.log.rows), **kept)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(beside, self.path)
+
+    def load(self) -> None:
+        """Where the run was, if it was saved.
+
+        Raises
+        ------
+        ValueError
+            The file is of another run.
+        """
+        if not self.path.exists():
+            return
+        run = self.run
+        with np.load(self.path) as kept:
+            if str(kept["mark"]) != self.mark:
+                raise ValueError(
+                    f"`checkpoint` {str(self.path)!r} is of another run: system, values, start, times or options "
+                    "differ; remove it, or give another name."
+                )
+            for name, bundle, key, is_array in self._parts():
+                if not is_array:
+                    setattr(bundle, key, kept[name][()])
+                elif kept[name].shape == getattr(bundle, key).shape:
+                    getattr(bundle, key)[...] = kept[name]
+                else:
+                    type(bundle).members[key].give(bundle, kept[name])
+            if "initial.x" in kept:
+                run.initial = tuple(kept[f"initial.{name}"] for name in ("x", "mult", "status"))
+            run.log = Writer(run.record.events, run.log.states, int(kept["rows"]))
+        run.A.patch.shaped[:] = -1
+        run.A.patch.most = run.most
+
+    def remove(self) -> None:
+        self.path.unlink(missing_ok=True)
 
 
 def _blocks(numbers: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ import sympy as sp
 
 from ..definition.lambdified import numpy_function
 from ..definition.model import Held, Model, Select
-from ..definition.template import Families, named
+from ..definition.template import LINKED, Families, named
 
 
 def vectorised(model: Model, expression: sp.Basic, further: tuple[sp.Symbol, ...] = ()) -> Any:
@@ -95,6 +95,8 @@ def of_family(
         own = arrays[kind][starts[kind][b] : starts[kind][b] + n]
         if not place.offset:
             return own
+        if place.offset >= LINKED:
+            return own[families.links[place.family].rows[:, place.offset - LINKED].astype(int)]
         at = np.arange(n) + place.offset
         if template.periodic[place.family]:
             return own[at % n]

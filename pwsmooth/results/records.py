@@ -143,6 +143,25 @@ class EventLog(_Told, Sequence):
         return Listed, (list(self),)
 
 
+class AmbiguityLog(_Told, Sequence):
+    """The ambiguities of a run of very many, put into words when they are asked for."""
+
+    def __init__(self, times: np.ndarray, codes: np.ndarray, words: Callable[..., list[Ambiguity]]) -> None:
+        self.times, self.codes, self._words = times, codes, words
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def __getitem__(self, i: Any) -> Any:
+        at = range(len(self))[i]
+        if not isinstance(at, int):
+            return Listed(self[k] for k in at)
+        return self._words(self.times[at : at + 1], self.codes[at : at + 1])[0]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Listed, (list(self),)
+
+
 def course(t: np.ndarray, status: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Times (k,) and statuses (m, k) of a run's columns at its start, on both sides of every change, and at its end."""
     beside = np.zeros(len(t), bool)

@@ -16,10 +16,11 @@ import sympy as sp
 
 from ..definition import checks
 from ..definition.describe import Described, Rows, listed, values
+from ..definition.many import Numbers, Symbols
 from ..definition.model import Model
 from ..definition.views import substitutes
 from . import outputs
-from .records import KINDS, Ambiguity, Dense, EventLog, EventRecord, Listed, Outcome, Segment
+from .records import KINDS, Ambiguity, AmbiguityLog, Dense, EventLog, EventRecord, Listed, Outcome, Segment
 
 if TYPE_CHECKING:
     import pandas
@@ -132,13 +133,18 @@ class Solution(Described):
         self.outcome = outcome
         self.cost = dict(cost)
         self.tolerances = dict(tolerances)
-        self.ambiguities = Listed(ambiguities)
+        self.ambiguities = ambiguities if isinstance(ambiguities, AmbiguityLog) else Listed(ambiguities)
         # A Symbol's name is what str() gives, a hundred times sooner.
-        self.parameters = {getattr(key, "name", key): float(value) for key, value in parameters.items()}
+        if isinstance(parameters, Numbers):
+            self.parameters: Mapping[Any, float] = parameters
+        else:
+            self.parameters = {getattr(key, "name", key): float(value) for key, value in parameters.items()}
         self.noise: Any = None  # what solve(noise=...) was given
         self.sketch: Any = None  # of the scene that was solved
         self.tape: Any = None  # paths/tangents.py, of an event-driven run with dense output or derivatives
         self.whole: Any = None  # of a run without a tape that was asked for times, the one with its own
+        self.recorded: Any = None  # elements of a large family that were kept, and its events
+        self.catalogue: Any = None
         self.derived: Any = None  # what makes the Derivatives of a run with_respect_to=...
 
     @property
@@ -177,6 +183,8 @@ class Solution(Described):
     @functools.cached_property
     def states(self) -> tuple[str, ...]:
         """Names of the states, memories last."""
+        if isinstance(self.model.states, Symbols):
+            return self.model.states
         return tuple(s.name for s in self.model.states)
 
     @functools.cached_property
@@ -209,7 +217,8 @@ class Solution(Described):
         if name in self.states:
             return x[self.states.index(name)]
         if name in self._expressions:
-            p = [self.parameters[str(p)] for p in self.model.parameters]
+            p = self.parameters
+            p = p.array if isinstance(p, Numbers) else [p[str(s)] for s in self.model.parameters]
             with np.errstate(all="ignore"):  # branches that are not selected may be undefined there
                 if self.model.families is not None:
                     return outputs.of_family(self.model, name, t, x, mult, p)

@@ -23,6 +23,7 @@ from ..step.looking import shorten_to_fit
 from ..step.meeting import find_first
 from ..step.recording import record_ambiguity
 from ..step.steps import powers
+from ..surface.sliding import follow, mask_solved
 from ..trajectory import find_multipliers, propose
 from ..work import Work
 from .patch import (
@@ -505,14 +506,31 @@ def _act(A, P, C, S, R, W):
 
 
 @kernel
-def _finish(A, K):
-    """The states of all elements at the end, and what was asked for up to there."""
+def _finish(A, P, C, S, R, W):
+    """The states of all elements at the end, their multipliers, and what was asked for up to there."""
+    K, stamp = C.order, A.patch.stamp
     for i in range(len(A.begun)):
-        at_the_end = A.fresh[i] == A.patch.stamp
-        if not at_the_end:
+        if A.fresh[i] != stamp:
             write_asked(A, i, A.t, K, True)
-        for b in range(A.kind.ns):
-            A.x[i, b] = state_at(A, i, b, A.t, K)
+    for i in range(len(A.begun)):
+        solved = False
+        for b in range(A.kind.nm):
+            solved = solved or A.status[i, b] == SOLVED
+        if solved and A.fresh[i] != stamp:
+            # What holds it is a matter of this instant alone.
+            begin_patch(A)
+            take_in(A, i)
+            if close_rim(A):
+                gather(A, P, C, S, W, A.t)
+                mask_solved(P, S, W)
+                if follow(P, S, W):
+                    for b in range(A.kind.nm):
+                        A.mult[i, b] = S.mult[number_of(A.kind, b, 1, 0)]
+    begin_patch(A)
+    for i in range(len(A.begun)):
+        if A.fresh[i] != stamp:
+            for b in range(A.kind.ns):
+                A.x[i, b] = state_at(A, i, b, A.t, K)
 
 
 @unit(types.int64, Assembly, Problem, Control, State, Record, Work)
@@ -522,7 +540,7 @@ def run(A, P, C, S, R, W):
     if code == Outcome.FINISHED:
         begin_patch(A)
     if code < GO_ON and code != Outcome.OUT_OF_MEMORY:
-        _finish(A, C.order)
+        _finish(A, P, C, S, R, W)
     return code
 
 
@@ -540,12 +558,15 @@ def _advance(A, P, C, S, R, W):
             code = _renew_all(A, P, C, S, R, W)
             if code != GO_ON:
                 return code
-            if A.slabs == 1 and A.alone == 0:
+            if A.slabs == 1:
                 # Now the motion of what rests is known, which others read: once more.
                 A.slab = A.trial if A.trial < math.inf else 0.1 * (A.t_end - A.t)
                 A.trial, A.way = 1.0, 0.5
+                if A.alone != 0:
+                    A.slabs, A.phase = 2, EVENTS
+                    return AGAIN
                 _next_slab(A)
-                continue
+                return AGAIN  # the state at the start, for whoever keeps it
             A.phase = EVENTS
         code = _act(A, P, C, S, R, W)
         if code != GO_ON:

@@ -418,26 +418,30 @@ def scatter(A, P, S, W, count):
 
 @kernel
 def _number_in_all(A, j):
-    """Number of surface j of the small system among those of the whole."""
+    """Number of surface j of the small system among those of the whole, and its member."""
     T, E = A.patch, A.kind
     s = E.nm + E.ne - 1
     while s > 0 and number_of(E, s, T.count, 0) > j:
         s -= 1
-    return E.s_first[s] + (T.member[j - number_of(E, s, T.count, 0)] if E.s_own[s] else 0)
+    k = j - number_of(E, s, T.count, 0) if E.s_own[s] else 0
+    return E.s_first[s] + (T.member[k] if E.s_own[s] else 0), k
 
 
 @kernel
 def note_records(A, P, S, R):
     """Takes over what the small system has recorded: surfaces are numbered as those of the whole system."""
+    T, E = A.patch, A.kind
     for a in range(S.events):
         A.event_t[A.events] = R.event_t[a]
-        A.event[A.events, 0] = _number_in_all(A, R.event[a, 0])
+        A.event[A.events, 0], k = _number_in_all(A, R.event[a, 0])
+        for b in range(E.ns):
+            A.event_x[A.events, b] = S.x[b * T.total + k]
         for c in range(1, 4):
             A.event[A.events, c] = R.event[a, c]
         A.events += 1
     for a in range(S.ambiguities):
         A.ambiguity_t[A.ambiguities] = R.ambiguity_t[a]
-        A.ambiguity[A.ambiguities, 0] = _number_in_all(A, R.ambiguity[a, 0])
+        A.ambiguity[A.ambiguities, 0], _ = _number_in_all(A, R.ambiguity[a, 0])
         for c in range(1, 3):
             A.ambiguity[A.ambiguities, c] = R.ambiguity[a, c]
         A.ambiguities += 1

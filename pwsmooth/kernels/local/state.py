@@ -72,8 +72,8 @@ class Queue(Bundle):
     """Elements by the time of their next event: a binary heap that knows where each of them stands."""
 
     size: "int"
-    heap: "i8[elements]"
-    place: "i8[elements]"  # -1 for what is not in it
+    heap: "i4[elements]"
+    place: "i4[elements]"  # -1 for what is not in it
     key: "f8[elements]"
 
 
@@ -84,9 +84,9 @@ class Patch(Bundle):
     count: "int"  # members
     total: "int"  # with those that are read
     shaped: "i8[2]"  # numbers for which the arrays of the small problem are made
-    member: "i8[elements]"  # the members, then those that are read
-    mark: "i8[elements]"  # twice the stamp: a member; one more: it is read
-    slot: "i8[elements]"
+    member: "i4[elements]"  # the members, then those that are read
+    mark: "i4[elements]"  # twice the stamp: a member; one more: it is read
+    slot: "i4[elements]"
     near: "f8[near_places]"  # tables of the programs
     number: "f8[most]"
     cell: "i8[cells, 4]"  # address, number, so many for each member, and for each place
@@ -113,9 +113,9 @@ class Assembly(Bundle):
     most: "int"  # events before the run comes back to look at the clock
     way: "float"  # factor of the slab's length that is tried next
     # ---- elements
-    near: "i8[elements, nr]"  # itself beyond an open end
-    reader_first: "i8[elements + 1]"
-    reader: "i8[:]"
+    near: "i4[elements, nr]"  # itself beyond an open end
+    reader_first: "i4[elements + 1]"
+    reader: "i4[:]"
     p: "f8[elements, np]"
     x: "f8[elements, ns]"  # at `begun`
     row: "f8[elements, ns, width]"  # polynomials from `begun` to `until`
@@ -123,7 +123,7 @@ class Assembly(Bundle):
     until: "f8[elements]"
     known: "f8[elements]"  # up to where others may read it: for ever, while it rests as a wall does
     length: "f8[elements]"  # of the last step
-    fresh: "i8[elements]"  # the patch in which x was set last
+    fresh: "i4[elements]"  # the patch in which x was set last
     mult: "f8[elements, nm]"
     status: "i1[elements, nm]"
     side: "i1[elements, ne]"
@@ -139,11 +139,11 @@ class Assembly(Bundle):
         "f8[elements, nm]"  # of the largest static friction that slip has; inf where there are no two levels
     )
     stalled: "i1[elements]"
-    minute: "i8[elements]"
-    active: "i8[elements]"  # those that are renewed at the end of a slab
+    minute: "i4[elements]"
+    active: "i4[elements]"  # those that are renewed at the end of a slab
     actives: "int"
-    active_place: "i8[elements]"  # -1: at rest among elements at rest
-    seen: "i8[elements]"  # the slab at whose start it was renewed
+    active_place: "i4[elements]"  # -1: at rest among elements at rest
+    seen: "i4[elements]"  # the slab at whose start it was renewed
     slabs: "int"
     scanned: "int"
     scanned_rest: "int"
@@ -164,12 +164,13 @@ class Assembly(Bundle):
     # ---- what is kept
     event_t: "f8[room]"
     event: "i8[room, 4]"  # number of the surface among those of the whole system, kind, from, to
+    event_x: "f8[room, ns]"  # states of the element there
     events: "int"
     ambiguity_t: "f8[unsure]"
     ambiguity: "i8[unsure, 3]"
     ambiguities: "int"
     asked: "f8[times]"
-    keeps: "i8[elements]"  # its number among those that are kept, or -1
+    keeps: "i4[elements]"  # number of an element among those of which times and multipliers are kept, or -1
     next_asked: "i8[kept]"
     x_asked: "f8[times, kept, ns]"
     mult_asked: "f8[times, kept, nm]"

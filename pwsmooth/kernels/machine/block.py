@@ -18,6 +18,7 @@ import numpy as np
 _DTYPES = {
     "f8": np.dtype(np.float64),
     "i8": np.dtype(np.int64),
+    "i4": np.dtype(np.int32),
     "i1": np.dtype(np.int8),
     "b1": np.dtype(np.bool_),
 }

@@ -20,7 +20,7 @@ from numba.np.arrayobj import populate_array
 from .block import Number, Part
 
 _SCALARS = {"int": types.int64, "float": types.float64}
-_ELEMENTS = {"f8": types.float64, "i8": types.int64, "i1": types.int8, "b1": types.boolean}
+_ELEMENTS = {"f8": types.float64, "i8": types.int64, "i4": types.int32, "i1": types.int8, "b1": types.boolean}
 
 
 class BundleType(types.Type):
