@@ -8,7 +8,7 @@ the numbers that are given.
 Models
 ------
 chain         the reference chain of tests/chain_models.py: blocks on a belt, springs kc = 2 between neighbours,
-              static friction 1.5 times the kinetic one by a hidden term, T = 30
+              static friction 1.5 times the kinetic one by a hidden term, T = 30 (times 1000/n for fewer than 1000)
 Fs = Fk       the same chain with kinetic friction alone, which a run of all takes too without writing elements out
 uniform       equal blocks from equal places: all let go at one instant
 independent   the same blocks without springs
@@ -29,6 +29,10 @@ SciPy         DOP853 with one terminal event, the least of the n margins, restar
 Moreau-Jean   fixed steps, no events: v + h f, then each block's friction as a projection; compiled. Its error falls
               with the step: the time to 1e-8 is that of a step at which it was run, times the ratio of the errors (an
               extrapolation). A block is let go when its force exceeds 1.5 times the kinetic friction, as everywhere.
+
+Where another wins: of ten blocks heyoka's time is a fraction of ours, since its run is one compiled loop while a call of
+`solve` checks its arguments and makes its arrays in Python, and ten elements are hardly more than a neighbourhood. From
+some hundred on the run by elements is ahead, by as much as there are elements beyond a neighbourhood.
 
 No solver of quantised states (QSS) could be installed from the registries of Python packages. Their cost an event does
 not depend on n either; of third order, their steps shrink as the tolerance to the power 1/3.
@@ -95,7 +99,10 @@ BUILD = {"chain": chain, "Fs = Fk": kinetic_alone, "uniform": uniform, "independ
 
 def event_costs(name, sizes, rounds, ways=(True,)):
     """Rows of what an event costs for each n, rounds interleaved."""
-    end = SPANS[name]
+    # Few events are few microseconds beside what a run has to make ready: of small n long spans.
+    longer = name != "Fs = Fk"  # which comes to rest
+    ends = {n: SPANS[name] * (max(1, 1000 // n) if longer else 1) for n in sizes}
+    times_each = {n: 1 if longer else max(1, 1000 // n) for n in sizes}
     made = {n: with_templates(BUILD[name], n) for n in sizes}
     times = {(n, way): [] for n in sizes for way in ways}
     events = {}
@@ -106,11 +113,14 @@ def event_costs(name, sizes, rounds, ways=(True,)):
 
     for round_ in range(rounds + 1):
         for n, way in times:
-            begin = time.process_time()
-            run(n, way, 1e-9)
-            ready = time.process_time()
-            solution = run(n, way, end)
-            spent = (time.process_time() - ready) - (ready - begin)
+            spent = 0.0
+            for _ in range(times_each[n]):
+                begin = time.process_time()
+                run(n, way, 1e-9)
+                ready = time.process_time()
+                solution = run(n, way, ends[n])
+                spent += (time.process_time() - ready) - (ready - begin)
+            spent /= times_each[n]
             events[n, way] = len(solution.events)
             assert solution.success
             if round_:
@@ -159,27 +169,28 @@ def set_up(sizes):
 
 
 def quiescent(sizes, rounds):
-    """Milliseconds of 100 blocks at work among others that have nothing to do; set-up taken off."""
-    rows, made = [], {}
+    """Milliseconds of 100 blocks at work among others that have nothing to do; a run of nobody at work taken off."""
+    made = {}
     for n in sizes:
         system = belt(n, RATIO, np.ones(n))
         places = np.zeros(n)
+        idle = start_of(system, places)
         places[n // 2 : n // 2 + 100] = 0.9 * np.sin(3.0 * np.arange(100))
-        made[n] = system, start_of(system, places)
+        made[n] = system, idle, start_of(system, places)
     times = {n: [] for n in sizes}
     for round_ in range(rounds + 1):
-        for n, (system, start) in made.items():
+        for n, (system, *starts) in made.items():
             spent = []
-            for end in (8.0, 1e-9):
+            for start in starts:
                 begin = time.process_time()
-                solve(system, (0, end), start, t_eval=[0, end], local=True)
+                solution = solve(system, (0, 8), start, t_eval=[0, 8], local=True)
                 spent.append(time.process_time() - begin)
             if round_:
-                times[n].append(spent[0] - spent[1])
-    for n in sizes:
-        rows.append({"n": n, "at work": 100, "ms": 1e3 * statistics.median(times[n])})
-        print(rows[-1], flush=True)
-    return rows
+                times[n].append(spent[1] - spent[0])
+    return [
+        {"n": n, "at work": 100, "events": len(solution.events), "ms": 1e3 * statistics.median(times[n])}
+        for n in sizes
+    ]
 
 
 def million(events):
@@ -391,11 +402,11 @@ def race(n, rounds, entrants):
             events, off = error(run)
             took = seconds(run)
             print(f"  n = {n}, {name}, {label}: {took:.3g} s, error {off:.1e}, events {events}", flush=True)
-            if name == "Moreau-Jean":
+            if name == "Moreau-Jean" and off < 1e-2:  # beside other events no error tells of a smaller step's
                 best = min(
                     best or (math.inf,), (took * off / BOUND, label, run, off, events), key=lambda b: b[0]
                 )
-            elif off < BOUND and events == reference[0]:
+            elif name != "Moreau-Jean" and off < BOUND and events == reference[0]:
                 best = min(best or (math.inf,), (took, label, run, off, events), key=lambda b: b[0])
         if best is None:
             continue
@@ -495,6 +506,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--most", type=int, default=100_000, help="blocks of the longest chain")
+    parser.add_argument("--network", type=int, default=10_000, help="blocks of the largest network")
     parser.add_argument("--million", action="store_true", help="10^6 blocks too, with 10^6 and 10^7 events")
     parser.add_argument("--without-others", action="store_true")
     parser.add_argument("--out")
@@ -506,9 +518,9 @@ def main():
     rows += event_costs("Fs = Fk", (10, 100, 1000), rounds, (True, False))
     rows += event_costs("uniform", [n for n in sizes if n <= 10_000], rounds)
     rows += event_costs("independent", sizes[1:], rounds)
-    rows += event_costs("network", [n for n in sizes[1:] if n <= 10_000], rounds)
+    rows += event_costs("network", [n for n in sizes[1:] if n <= arguments.network], rounds)
     rows += slip_stick((10, 100, 1000), rounds)
-    quiet = with_templates(lambda: quiescent((1000, sizes[-1]), rounds))
+    quiet = with_templates(lambda: quiescent((1000, sizes[-1]), 3 * rounds))
     record = {
         "options": vars(arguments), "provenance": provenance(), "ratios": bars(rows, quiet, ready),
         "cost of an event": rows, "set-up of the chain": ready, "blocks at rest": quiet,
