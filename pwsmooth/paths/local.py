@@ -19,7 +19,7 @@ from sympy.solvers.solveset import NonlinearError
 
 from ..codegen.machine.cache import fingerprint
 from ..definition import checks
-from ..definition.model import Held, Model
+from ..definition.model import Beside, Held, Model
 from ..definition.recording import Record
 from ..definition.template import LINKED, Families, Level, family_model
 from ..kernels import state as names
@@ -240,6 +240,8 @@ class _Run:
         sizes = dict(ns=self.ns, nm=nm, ne=ne, nx=len(read), np=len(self.p_fixed))
         return local.Kind.zeros(
             sizes, ns=self.ns, nm=nm, ne=ne, np=len(self.own_parameters), nr=len(self.code.offsets),
+            target=np.array(sorted({self.code.offsets.index(b.offset) for e in self.template.model.events
+                                    for b, _ in e.update if isinstance(b, Beside)}), np.int64),
             walls=int(_walls(self.template)), read=np.array(read, np.int64),
             s_fixed=np.cumsum([0, *~own])[:-1], s_blocks=np.cumsum([0, *own])[:-1], s_own=own.astype(np.int64),
             s_first=np.array(first, np.int64), fixed_m=self.fixed_m, blocks_m=self.blocks_m,
@@ -432,6 +434,9 @@ class _Run:
         if saved:
             saved.load()
         code = self._advance(spending, saved)
+        if code in (Outcome.TIME_LIMIT, Outcome.TOO_MANY_STEPS):
+            self.A.halts = 1  # the states where it is now
+            self.loop(self.A, self.P, self.C, self.S, self.R, self.W)
         if saved and code == Outcome.FINISHED:
             saved.remove()
         return self._solution(Outcome(code), ends if self.only_ends else asked, asked, kept)
@@ -526,6 +531,11 @@ class _Run:
         else:
             times = times[:reached]
             parts = [part[:reached] for part in (A.x_asked, A.mult_asked, A.status_asked)]
+            if outcome is not Outcome.FINISHED and not (reached and times[-1] == A.t):
+                # Where and in which state it stopped is the most wanted column of a run that did.
+                times = np.append(times, A.t)
+                ends = A.x, A.mult, A.status
+                parts = [np.concatenate([part, end[None]]) for part, end in zip(parts, ends, strict=True)]
         own = [f is not None for f in self.template.families("multipliers")]
         x, mult, status = map(self._rows, parts, ([True] * self.ns, own, own))
         ambiguities = A.ambiguities
@@ -586,9 +596,12 @@ class _Run:
         """Of some elements, a row each: lambda + q lambda^3 = peak sigma on the branch between the folds, by the triple
         angle."""
         q, peak = (self._of_parameters(e)[elements, None] for e in (level.q, level.peak))
-        fold = np.sqrt(-1 / (3 * q))
-        share = np.clip(1.5 * peak * sigma / fold, -1.0, 1.0)
-        return np.where(status == names.SOLVED, 2 * fold * np.sin(np.arcsin(share) / 3), sigma)
+        size = np.sqrt(1 / (3 * np.maximum(np.abs(q), 1e-300)))
+        share = 1.5 * peak * sigma / size
+        held = 2 * size * np.sin(np.arcsin(np.clip(share, -1.0, 1.0)) / 3)
+        if (q >= 0).any():  # no fold at all
+            held = np.where(q > 0, 2 * size * np.sinh(np.arcsinh(share) / 3), np.where(q < 0, held, sigma))
+        return np.where(status == names.SOLVED, held, sigma)
 
 
 class Saved:
