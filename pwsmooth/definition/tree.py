@@ -19,7 +19,7 @@ from sympy.functions.elementary.piecewise import ExprCondPair
 from . import checks
 from .controls import Control
 from .drives import Drive, rewritten, written
-from .family import Family, Member, MemberMemory, MemberSum
+from .family import Family, Links, Member, MemberMemory, MemberSum
 from .model import Select
 from .primitives import Algebraic, Component, Disc, Event, Memory, Reaction, Switch, Unilateral
 
@@ -52,6 +52,12 @@ def _event(surface, every, at, direction, update, when, terminal, name):
     )  # fmt: skip
 
 
+def _member(name, family, offset, beyond, given):
+    if isinstance(beyond, Links):  # beyond an end stands the element itself
+        return Member(name, family, offset, Member(name, family, **given), beyond, **given)
+    return Member(name, family, offset, beyond, **given)
+
+
 # What has parts of its own: its class, its parts, how it is made of them, and of which kinds they must be.
 _text, _expression, _maybe, _several = (str,), (sp.Basic,), (sp.Basic, NoneType), (list,)
 _RECORDS: dict[str, tuple[type, Callable, Callable, tuple]] = {
@@ -75,11 +81,15 @@ _RECORDS: dict[str, tuple[type, Callable, Callable, tuple]] = {
         (Reaction, lambda s: (s.name, s.gap, s.restitution), Reaction, (_text, _expression, _expression)),
         (
             Member,
-            lambda s: (s.name, s.family, s.offset, s.outside, s.links, s._assumptions_orig),
-            lambda name, family, offset, outside, links, given: Member(
-                name, family, offset, outside, links, **given
-            ),
-            (_text, (Family,), (int,), _maybe, (dict,)),
+            lambda s: (s.name, s.family, s.offset, s.links or s.outside, s._assumptions_orig),
+            _member,
+            (_text, (Family,), (int,), (sp.Basic, Links, NoneType), (dict,)),
+        ),
+        (
+            Links,
+            lambda a: (a.family, a.table.shape[1], " ".join(map(str, a.table.ravel() + 1))),
+            lambda family, d, numbers: family.links(np.array(numbers.split(), int).reshape(-1, d)),
+            ((Family,), (int,), _text),
         ),
         (MemberMemory, lambda s: (s.name, s.initial, s.family), MemberMemory, (_text, (float,), (Family,))),
         (Family, lambda f: (f.n, f.periodic, f.name), Family, ((int,), (bool,), _text)),
