@@ -20,7 +20,7 @@ from sympy.solvers.solveset import NonlinearError
 from ..codegen.machine.cache import fingerprint
 from ..definition import checks
 from ..definition.model import Beside, Held, Model
-from ..definition.recording import Record
+from ..definition.recording import Recorder
 from ..definition.template import LINKED, Families, Level, family_model
 from ..kernels import state as names
 from ..kernels.local import state as local
@@ -139,7 +139,7 @@ def run_locally(
     start: Any,
     times: Any,
     options: Any,
-    record: Record | None,
+    record: Recorder | None,
     spending: Budget,
 ) -> Solution:
     """The Solution of one run, every event of which renews the elements that it reaches."""
@@ -413,7 +413,7 @@ class _Run:
             A.p[:, a] = values[blocks[b] : blocks[b + 1]]
 
     def solve(
-        self, t0: float, t1: float, start: Any, times: Any, record: Record | None, spending: Budget
+        self, t0: float, t1: float, start: Any, times: Any, record: Recorder | None, spending: Budget
     ) -> Solution:
         self.atol = np.broadcast_to(self.options.atol, self.n * self.ns)
         ends = np.array([t0, t1])
@@ -441,7 +441,7 @@ class _Run:
             saved.remove()
         return self._solution(Outcome(code), ends if self.only_ends else asked, asked, kept)
 
-    def _elements(self, record: Record | None) -> np.ndarray:
+    def _elements(self, record: Recorder | None) -> np.ndarray:
         """Numbers 0, ..., n - 1 of those that are kept."""
         wanted = np.array(record.elements if record and record.elements else (), np.int64)
         if len(wanted) and np.abs(wanted).max() > self.n:
