@@ -18,7 +18,8 @@ from .definition import checks
 from .definition.recording import Recorder
 from .paths.budget import MOST_STEPS, opened
 from .paths.event_driven import LOOSEST, EventDriven, Options, prepared_run
-from .paths.local import LOCAL_FROM, MANY, run_locally, runs_locally
+from .paths.local import run_locally
+from .paths.locality import LOCAL_FROM, MANY, runs_locally
 from .results.solution import Outcome, Solution
 
 

@@ -212,9 +212,9 @@ class Item:
             families = self._families.template.families("states")
             written = []
             for b, e in value:
-                at = (self._k or 0) * (families[b] is not None)
+                at: int | None = (self._k or 0) * (families[b] is not None)
                 if isinstance(b, Beside):
-                    at = self._families.beside(families[b], self._k, b.offset)
+                    at = self._families.beside(families[b] or 0, self._k or 0, b.offset)
                 if at is not None:
                     written.append((starts[b] + at, self._families.expression(e, self._k)))
             return tuple(written)
