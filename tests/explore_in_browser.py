@@ -391,7 +391,7 @@ def taking(b: Browser, shots: Path | None) -> None:
             tab.get_by_text("PNG").click()
         expect(Path(saved.value.path()).read_bytes().startswith(b"\x89PNG"), "no picture was saved")
         tab.keyboard.press("Escape")
-        tab.evaluate("explorer.turn('layered')")
+        tab.evaluate("explorer.turn({view: 'layered'})")
         wait(
             tab,
             "explorer.scene.view && explorer.orbit?.header.seq === explorer.seq && !explorer.scene.states.includes('z')",

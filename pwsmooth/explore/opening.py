@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 import importlib.util
+import json
 import re
 import sys
 import webbrowser
@@ -19,8 +21,8 @@ from .code import figure, script
 from .describe import describe
 from .export import standalone
 from .live import state_of
-from .presets import PRESETS, preset_of, subject_of_preset, with_preset, with_ranges
-from .subject import USUAL, Subject, named_subject, subject_of, subject_of_study
+from .presets import PRESETS, as_asked, preset_of, subject_of_preset, with_preset, with_ranges
+from .subject import USUAL, Made, Subject, named_subject, subject_of, subject_of_study
 
 __all__ = ["explore"]
 
@@ -104,6 +106,7 @@ def explore(
     ranges: Mapping[Any, Sequence[float]] | None = None,
     views: Sequence[str] | None = None,
     preset: str | None = None,
+    noise: Any = None,
     show: bool = True,
 ) -> Any:
     """Open a page on which the system answers while a slider moves; Ctrl-C ends it.
@@ -121,10 +124,12 @@ def explore(
     ranges : mapping of parameter to (float, float), optional
         Ends of sliders, in the units of the parameters.
     views : sequence of str, optional
-        Of "time", "phase", "characteristic", "layer", "diagram", "basins", "section", "mechanism"; by default all that
-        the system has.
+        Of "time", "phase", "characteristic", "layer", "diagram", "basins", "section", "mechanism", "noise"; by default
+        all that the system has.
     preset : str, optional
         A state of a scene that is worth a look; `pwsmooth explore --list` lists them.
+    noise : Kicks or Diffusion, optional
+        With it paths under noise are a view.
     show : bool
         Whether a page, or in a notebook a widget, is opened.
 
@@ -155,7 +160,9 @@ def explore(
     ('stick (sgn(v) sliding)', True)
     """
     show = checks.flag(show, "`show`")
-    subject = subject_of(system_or_scene, x0, t_span=t_span, period=period, ranges=ranges, views=views)
+    subject = subject_of(
+        system_or_scene, x0, t_span=t_span, period=period, ranges=ranges, views=views, noise=noise
+    )
     subject = with_ranges(subject, subject.name.partition(",")[0].replace(" ", "_"))
     if preset is not None:
         subject = with_preset(subject, preset_of(checks.name(preset, "`preset`")))
@@ -201,11 +208,24 @@ def listing() -> str:
 
     lines = ["scenes"]
     for name in known_scenes():
-        law = USUAL.get(name, ("HiddenStatic", {}))[0]
+        law = USUAL.get(name, Made()).law
         lines.append(f"    {name}" + (f"  --law {law}" if law else ""))
     lines.append("presets")
-    lines += [f"    {name:<12} {preset.said} ({preset.scene})" for name, preset in PRESETS.items()]
+    lines += [f"    {name:<17} {preset.said}" for name, preset in PRESETS.items()]
     return "\n".join(lines)
+
+
+def stated(subject: Subject, state: str) -> Subject:
+    """The subject in the state of a link; ValueError where it has no such names."""
+    try:
+        asked = json.loads(base64.urlsafe_b64decode(state + "=" * (-len(state) % 4)))
+    except ValueError:  # also of text that is no UTF-8
+        asked = None
+    if not isinstance(asked, dict):
+        raise ValueError("`--state` is no state; give what `Copy link` shows.")
+    subject = as_asked(subject, asked)
+    p, x0, span = state_of(subject, asked)
+    return replace(subject, system=subject.system.with_parameters(p), start=x0, t_span=span)
 
 
 def command(
@@ -217,6 +237,7 @@ def command(
     browser: bool,
     allow_code: bool,
     say: Any,
+    read_only: bool = False,
 ) -> None:
     """What `pwsmooth explore` does."""
     need_websockets()
@@ -235,5 +256,7 @@ def command(
     if state and not re.fullmatch(r"[A-Za-z0-9_-]{1,12000}", state):
         raise ValueError("`--state` is no state; give what `Copy link` shows.")
     given = f"--preset {preset}" if preset else what + (f" --law {law}" if law else "")
+    if read_only:  # what the page sends does not count: the state is applied here
+        subject = replace(stated(subject, state) if state else subject, read_only=True)
     subject = replace(subject, command=f"pwsmooth explore {given}")
     serve(Explorer(subject), port, browser, say, f"&s={state}" if state else "")

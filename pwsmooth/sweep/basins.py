@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -250,7 +250,7 @@ def refine_basins(
     transient: int = 200,
     longest: int = 8,
     tol: float = 1e-5,
-    order: Sequence[int] | None = None,
+    order: Iterable[int] | None = None,
     budget: float | None = None,
     **options: Any,
 ) -> Iterator[tuple[np.ndarray, np.ndarray, list[PeriodicOrbit]]]:
@@ -281,8 +281,9 @@ def refine_basins(
         Longest orbit, in periods or returns, that counts as periodic.
     tol : float, dimensionless
         As of `basins`.
-    order : sequence of int, optional
-        Numbers of the starts to run, the last axis fastest, in this order; by default as of `sweep.refine`.
+    order : iterable of int, optional
+        Numbers of the starts to run, the last axis fastest, in this order; by default as of `sweep.refine`, which says
+        what an iterator is good for.
     budget : float, s, optional
         Of processor time, after which no further chunk begins.
     **options
