@@ -28,7 +28,9 @@ def describe(subject: Subject, solution: Any = None) -> dict[str, Any]:
     system, model = subject.system, subject.system.model
     states = [s.name for s in model.states[: len(model.states) - model.n_memory]][:MOST]
     multipliers = [str(m.symbol) for m in model.multipliers if m.kind != "component"][:MOST]
-    outputs = [str(name) for name, _ in model.outputs] if model.families is None else []
+    outputs = [str(name) for name, _ in model.outputs] if model.families is None else (
+        [n for n in dict.fromkeys((*subject.names, *subject.phase)) if n not in (*states, *multipliers)]
+    )  # fmt: skip
     units = {**subject.units}
     return {
         "title": subject.name,

@@ -17,6 +17,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from ..analysis.sections import LONGEST, poincare_map
 from ..codegen.machine.workers import cores
 from ..definition import checks
+from ..noise.diffusion import Diffusion
 from ..sweep.basins import orbit_diagram, refine_basins
 from ..sweep.measures import Points
 from ..sweep.refining import SweepPlan, make_plan, refine, spread
@@ -29,7 +30,7 @@ _STROBES = 5000  # of a section
 _REPEATS = 1e-9  # relative to 1 + abs(x): so nearly a section's last strobes repeat, where it ends
 _COARSEST = 64  # starts that one start stands for at first, along each axis of a basin
 _UNKNOWN = -9  # a start that has no label yet
-_PATHS, _INSTANTS = 20, 601  # of the noise
+_PATHS, _INSTANTS = 20, 601  # of the noise; as many kicks are drawn
 
 
 def _driven(
@@ -214,10 +215,7 @@ def noise(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
     p, x0, span = state_of(subject, asked)
     names = [str(n) for n in checks.several(asked.get("names", ()), "`names`")]
     seed = checks.exact_integer(asked.get("seed", 0), "`seed`")
-    times, step = np.linspace(*span, _INSTANTS), getattr(subject.noise, "step", None)
-    if step is not None:  # the path of a diffusion is given at its multiples
-        times = step * np.unique(np.rint(times / step))
-    progress = _Progress(_PATHS)
+    times, progress = _instants(subject.noise, span), _Progress(_PATHS)
     for k in range(_PATHS):
         run = subject.scene.solve(
             span, x0, parameters=p, noise=replace(subject.noise, seed=seed, trajectory=k), t_eval=times,
@@ -226,6 +224,17 @@ def noise(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
         values = np.full((len(names), len(times)), np.nan)
         values[:, : len(run.t)] = [run[n] for n in names]
         yield {"kind": "noise", "names": names, "seed": seed} | progress.told(1), {"t": times, "values": values}
+
+
+def _instants(noise: Any, span: tuple[float, float]) -> np.ndarray:
+    """Times at which paths are drawn: even ones, and both sides of kicks, or multiples of a diffusion's step."""
+    times = np.linspace(*span, _INSTANTS)
+    if isinstance(noise, Diffusion):  # where its path is given
+        return noise.step * np.unique(np.rint(times / noise.step))
+    kicks = noise.every * np.unique(np.rint(times / noise.every))
+    beside = (kicks + side * 1e-6 * noise.every for side in (-1, 1))
+    times = np.unique(np.concatenate([times, *beside]))
+    return times[(times >= span[0]) & (times <= span[1])]
 
 
 def _told(orbit: Any, cells: int) -> dict[str, Any]:

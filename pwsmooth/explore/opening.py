@@ -22,6 +22,7 @@ from .describe import describe
 from .export import standalone
 from .live import state_of
 from .presets import PRESETS, as_asked, preset_of, subject_of_preset, with_preset, with_ranges
+from .processes import SHOWN
 from .subject import USUAL, Made, Subject, named_subject, subject_of, subject_of_study
 
 __all__ = ["explore"]
@@ -43,40 +44,44 @@ class Explorer:
 
     @property
     def state(self) -> dict[str, Any]:
-        """Parameters `p`, start `x0` and `t_span` that the page shows, as names and numbers."""
+        """Parameters `p`, start `x0` and `t_span` that the page shows, as names and numbers, with its law and view."""
+        return self._now()[1]
+
+    def _now(self) -> tuple[Subject, dict[str, Any]]:
+        """The subject with the law and in the view that the page shows, and that page's state."""
         latest = self._server.state if self._server is not None else {}
-        known = describe(self.subject)
-        shown = {k: known[k] for k in ("names", "phase", "characteristic")}
-        shown["switch"] = next(iter(known["switches"]), "")
-        asked = {
-            **shown,
-            **self._state,
-            **{k: latest[k] for k in ("p", "x0", "t_span", "names", "phase") if k in latest},
-        }
-        p, x0, span = state_of(self.subject, asked)
-        return {**asked, "p": p, "x0": x0, "t_span": span}
+        asked = {**self._state, **{k: latest[k] for k in SHOWN if k in latest}}
+        subject = as_asked(self.subject, asked)
+        known = describe(subject)
+        own = {k: known[k] for k in ("names", "phase", "characteristic")}
+        own["switch"] = next(iter(known["switches"]), "")
+        p, x0, span = state_of(subject, asked)
+        return subject, {**own, **asked, "p": p, "x0": x0, "t_span": span}
 
     @property
     def solution(self) -> Solution:
         """The orbit of that state."""
-        state = self.state
-        return self.subject.solve(state["t_span"], state["x0"], state["p"])
+        subject, state = self._now()
+        return subject.solve(state["t_span"], state["x0"], state["p"])
 
     def code(self, view: str = "time") -> str:
         """A script that gives the same numbers, with the plot of a view."""
-        return script(self.subject, {**self.state, "for": view})
+        subject, state = self._now()
+        return script(subject, {**state, "for": view})
 
     def save(self, path: Any, view: str = "time") -> None:
         """A figure of a view of the state, in the house style: PNG, PDF or SVG, as the name ends."""
         path = checks.path(path, "`path`")
         ending = path.suffix.removeprefix(".").lower()
-        write_whole(path, figure(self.subject, {**self.state, "for": view, "format": ending}))
+        subject, state = self._now()
+        write_whole(path, figure(subject, {**state, "for": view, "format": ending}))
 
     def export(self, path: Any, over: Mapping[Any, Any], *, views: Any = None, diagram: bool = False) -> None:
         """One HTML file without Python: a slider over these values of a parameter, with the state's other numbers."""
         path = checks.path(path, "`path`")
-        state = {k: v for k, v in self.state.items() if k in ("p", "x0", "t_span")}
-        text = standalone(self.subject, over, views=views, diagram=diagram, state=state)
+        subject, now = self._now()
+        state = {k: v for k, v in now.items() if k in ("p", "x0", "t_span")}
+        text = standalone(subject, over, views=views, diagram=diagram, state=state)
         write_whole(path, text.encode())
 
     def open(self) -> str:

@@ -71,7 +71,7 @@ def _slow(force: float, held: float) -> sp.Expr:
 PRESETS: dict[str, Preset] = {
     "figure-4": Preset(
         "friction_oscillator", "How far from the spring's rest can friction hold? Lower rho to 0.4, and look at the "
-        "folds of the layer.", "HiddenStatic", _HIDDEN, {"amplitude": 0.0}, {"y": 0.55, "v": 0.0}, (0.0, 20.0),
+        "folds of the layer.", "HiddenStatic", _HIDDEN, {"amplitude": 0.0}, {"y": 1.5, "v": 0.0}, (0.0, 10.0),
         "layered",
     ),
     "figure-5": Preset(
@@ -93,14 +93,17 @@ PRESETS: dict[str, Preset] = {
     "figure-13": Preset(
         "friction_oscillator", "Does static friction outlive kicks of a fifth of the layer's width?", "HiddenStatic",
         {"rho": 3.0, "beta": _EPS}, None, {"y": 0.78, "v": -1.03, "z": 0.0}, (0.0, 2 * math.pi), "smoothed",
-        {"eps": _EPS, "noise": Kicks(_EPS / 5, 2 * math.pi / 500, on=("y", "v"), seed=1), "names": ("v", "friction")},
+        {"eps": _EPS, "noise": Kicks(_EPS / 5, 2 * math.pi / 500, on=("y", "v"), seed=1), "names": ("friction", "v")},
     ),
     "fold": Preset(
         "friction_oscillator", "Static friction that acts at once: where does a stick end?", "HiddenStatic", _HIDDEN,
         t_span=(0.0, 25.0), view="layered",
     ),
     "coulomb": Preset("friction_oscillator", "What is left without the hidden term?", "Coulomb"),
-    "two-fold": Preset(two_fold, "Which way from the two-fold, where many solutions leave and none is chosen?"),
+    "two-fold": Preset(
+        two_fold, "Which way from the two-fold, where many solutions leave and none is chosen?",
+        shown={"names": ("x", "y", "z"), "phase": ("y", "z")},
+    ),
     "lugre": Preset("block_on_belt", "How does a bristle model slip, and when does it stick?", "LuGre"),
     "lugre-presliding": Preset(
         "force_driven", "How far does it creep below the force that breaks it away?", "LuGre", {},

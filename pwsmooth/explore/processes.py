@@ -22,6 +22,7 @@ from .subject import Subject
 _GRACE = 2.0  # a process that is so many limits late is ended
 _OF_MAPS = ("diagram", "basins", "section", "noise", "figure", "stop")
 _STATE = ("p", "x0", "t_span", "law", "values")  # what a page that looks only does not choose
+SHOWN = (*_STATE, "view", "names", "phase")  # of a page's state, what its owner asks for
 
 
 class Process:

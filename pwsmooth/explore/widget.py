@@ -12,7 +12,7 @@ import threading
 from typing import Any
 
 from .bundle import module, style
-from .processes import Workers
+from .processes import SHOWN, Workers
 
 _RENDER = """
 function render({ model, el }) {
@@ -68,9 +68,7 @@ def _class() -> Any:
                 threading.Thread(target=self._watch, args=(self._workers,), daemon=True).start()
             elif self._workers is not None:
                 self._workers.message(content)
-                self.explorer._state.update(
-                    {k: v for k, v in self._workers.state.items() if k in ("p", "x0", "t_span")}
-                )
+                self.explorer._state.update({k: v for k, v in self._workers.state.items() if k in SHOWN})
 
         def _frame(self, frame: bytes) -> None:
             # A comm belongs to the kernel's thread.

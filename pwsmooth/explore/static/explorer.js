@@ -674,10 +674,11 @@ class App {
 
   // ---- requests
   ask() {
-    if (!this.scene || this.lost) return;
+    if (!this.state || this.lost) return;
     const { state: s, scene } = this, noise = scene.noise ? [s.noise.name] : [];
     const names = new Set([...s.names, ...s.phase, ...scene.characteristic, ...(this.mapped ? s.basins.axes : []), ...noise]);
-    this.waiting = { kind: "orbit", p: { ...s.p }, x0: { ...s.x0 }, t_span: s.t_span, names: [...names], phase: s.phase };
+    const { t_span, phase } = s;
+    this.waiting = { kind: "orbit", ...this.model, p: { ...s.p }, x0: { ...s.x0 }, t_span, phase, names: [...names] };
     this.note();
     if (this.inFlight === null && this.ready) this.send();
   }

@@ -13,7 +13,8 @@ export function spelled(name) {
   return [GREEK[stem] || head, rest.map((r) => GREEK[r] || r).join(" ")];
 }
 export function written(name) {
-  if (String(name).startsWith("h:")) return `h of ${written(name.slice(2))}`;
+  const surface = /^h:(\w+$)?/.exec(name); // of a switch by its name, if that is a short one
+  if (surface) return surface[1] ? `h of ${written(surface[1])}` : "h";
   const [head, sub] = spelled(name);
   return sub ? `${head}_${sub}` : head;
 }
@@ -44,7 +45,11 @@ const power = ({ low, high }) => {
 const times = (k) => (k ? ` ×10${String(k).replace(/[-\d]/g, (c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)])}` : "");
 
 // The number of a field: short, and the same when it is read again.
-export const plain = (value) => (Number.isFinite(value) ? String(+value.toPrecision(6)) : "");
+export const plain = (value) => {
+  if (!Number.isFinite(value)) return "";
+  const short = +value.toPrecision(6);
+  return Math.abs(short) < 1e7 ? String(short) : value.toExponential(3).replace("+", "");
+};
 
 export const rgb = (colour) => [1, 3, 5].map((k) => parseInt(colour.slice(k, k + 2), 16));
 export function mixed(colour, other, part) {

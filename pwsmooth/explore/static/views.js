@@ -2,6 +2,8 @@
 import { Plot, gestures, mixed, range, rgb, shown, written } from "./plot.js";
 
 const short = (v) => shown(v, Math.abs(v) || 1);
+// The least interval with all of these in it.
+const hull = (intervals) => [Math.min(...intervals.map((i) => i[0])), Math.max(...intervals.map((i) => i[1]))];
 const named = (names) => names.map((n) => [n, written(n)]);
 // A colour as a pixel of ImageData.
 const pixel = (colour, alpha = 255) => rgb(colour).reduce((sum, c, k) => sum + c * 256 ** k, alpha * 256 ** 3);
@@ -252,9 +254,9 @@ class Phase extends View {
     return h?.plane?.join() === this.pair.join() ? h.sliding : [];
   }
   after(plot, app) {
-    const band = this.sliding.length ? ` Band: where it can ${app.scene.states.length > 1 ? "stick" : "slide"} at the cursor's time.` : "";
+    const drag = this.free ? "Drag the ring or click: another start. " : "";
     this.say(
-      (this.free ? "Drag the ring or click to start elsewhere." : "") + band,
+      drag + (this.sliding.length ? "Band: it can stick there now." : ""),
       `Phase plane of ${written(this.pair[0])} and ${written(this.pair[1])}. ${app.sentence}`,
     );
   }
@@ -380,7 +382,7 @@ class Grown extends View {
     this.app.redraw(this);
     // What nobody asked for must not take minutes.
     const rest = header.cpu > 1 ? (header.cpu / header.done) * (header.of - header.done) : 0;
-    if (this.auto && rest > 60 && this.key !== "basins") {
+    if (this.auto && rest > 60) {
       this.app.halt(this);
       this.halted = `↻ computes all of it, in ${Math.ceil(rest / 60)} minutes or so. `;
       this.app.moved();
@@ -503,8 +505,8 @@ class Diagram extends Grown {
     plot.x.fixed = this.app.span();
     plot.x.settle();
     if (!h) return;
-    const ends = [...this.columns.values()].flatMap(({ points }) => range(points, j, points.length, h.names.length));
-    plot.y.cover(...range(ends));
+    const ends = [...this.columns.values()].map(({ points }) => range(points, j, points.length, h.names.length));
+    plot.y.cover(...hull(ends));
   }
   paint(plot, app) {
     const h = this.job?.header, { parameter } = app.state.diagram;
@@ -655,7 +657,7 @@ class Basins extends Grown {
     if (h.unsettled) counts.push(`${h.unsettled} unsettled`);
     if (h.failed) counts.push(`${h.failed} failed`);
     if (!h.finished) counts.push(`${Math.floor((100 * h.done) / h.of)} %, paler: foreseen`);
-    this.say(this.mark() + [...names, ...counts].join("; "), `Basins over ${named(h.axes).map((n) => n[1]).join(" and ")}: ${names.join("; ")}`);
+    this.say(this.mark() + this.halted + [...names, ...counts].join("; "), `Basins over ${named(h.axes).map((n) => n[1]).join(" and ")}: ${names.join("; ")}`);
   }
 }
 
@@ -755,7 +757,7 @@ class Noise extends Grown {
     plot.labels = [written(app.scene.time), app.unit(app.state.noise.name)];
     plot.x.fixed = app.state.t_span;
     plot.x.settle();
-    if (this.paths.length) plot.y.cover(...range(this.paths.flatMap((path) => range(path))));
+    plot.y.cover(...hull(this.paths.map((path) => range(path))));
   }
   paint(plot, app) {
     const { theme, orbit } = app, { name } = app.state.noise, free = orbit?.values.get(name), { paths } = this;
