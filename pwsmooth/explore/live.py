@@ -24,7 +24,8 @@ from ..sweep.periodicity import Period
 from .describe import LIMITS, can_slide, switches
 from .subject import Subject
 
-POINTS = 6000  # of a picture
+POINTS = 3000  # of a picture; eight of a step at least
+_STEPS = 750  # of more than so many points that show no bend are left out
 _TICKS = 400  # events that are sent: more are no ticks but a shade
 _LAM = np.linspace(-1, 1, 161)
 _PLACES = 121  # along a surface in the phase plane
@@ -172,9 +173,9 @@ def sampled(solution: Solution, names: list[str], sketch: Any = None) -> tuple[S
     if sketch is not None:
         own = (*solution.states, *solution.multipliers, *solution.outputs)
         wanted += [n for n in sketch.names if n in own]
-    # A step of many may still be long: all get eight places then, and what shows no bend is dropped again.
-    many = len(solution.t) > POINTS // 8
-    points, chord = (min(8 * len(solution.t), 8 * POINTS), 5e-4) if many else (POINTS, None)
+    # A step of many may still be long: all get eight places, of which what shows no bend is dropped again.
+    steps = len(solution.t)
+    points, chord = max(POINTS, min(8 * steps, 64 * _STEPS)), 5e-4 if steps > _STEPS else None
     found = solution.sample(points, list(dict.fromkeys(wanted)), chord=chord)
     rows = dict(zip(found.names, found.values.T))
     model, p = solution.model, [solution.parameters[str(s)] for s in solution.model.parameters]

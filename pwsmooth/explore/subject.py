@@ -240,7 +240,8 @@ def with_law(subject: Subject, law: str, values: Mapping[str, Any] | None = None
     if subject.made is None or subject.made.law is None:
         raise ValueError(f"{subject.name} is no scene of the package with one law, so that it has no other.")
     law = checks.one_of(*laws_for(subject))(law, "`law`")
-    again = named_subject(subject.made.scene, law, values, subject.made.arguments)
+    own = subject.made.values if law == subject.made.law else {}
+    again = named_subject(subject.made.scene, law, {**own, **(values or {})}, subject.made.arguments)
     known = {s.name for s in again.system.states} | {str(name) for name, _ in again.system.model.outputs}
     start = {n: v for n, v in subject.start.items() if n in again.start and n in subject.moving}
     return replace(
