@@ -203,7 +203,7 @@ class App {
       view.heard(header, arrays);
       return header.finished && view.key === "diagram" && this.moved();
     }
-    if (kind === "code") return this.show("As code", header.text);
+    if (kind === "code") return this.tellCode("As code", header.text);
     if (header.to === "orbit") {
       this.inFlight = null;
       if (this.waiting) this.send(); // the next solve runs while this one is drawn
@@ -526,27 +526,21 @@ class App {
 
   // ---- where views stand
   arrange() {
-    const narrow = this.narrow.matches, tabbed = this.views.filter((v) => !["time", "mechanism"].includes(v.key));
+    const narrow = this.narrow.matches, group = (...keys) => this.views.filter((v) => keys.includes(v.key));
+    const top = group("time", "mechanism"), small = group("phase", "characteristic", "layer"), noise = group("noise");
+    const maps = this.swapped(group("diagram", "basins", "section")), tabbed = this.views.filter((v) => !top.includes(v));
     if (!tabbed.some((v) => v.key === this.tab)) this.tab = tabbed[0]?.key;
-    const show = (v) => {
-      this.tab = v.key;
-      this.arrange();
-    };
-    const tab = (v) => button(v.title, () => show(v), { role: "tab", "aria-selected": String(v.key === this.tab) });
+    const one = tabbed.filter((v) => v.key === this.tab), shown = [...top, ...(narrow ? one : [...small, ...maps, ...noise])];
+    const tab = (v) => button(v.title, () => this.show(v.key), { role: "tab", "aria-selected": String(one.includes(v)) });
     this.tabs.replaceChildren(...tabbed.map(tab));
-    this.tabs.hidden = !narrow || !tabbed.length;
-    const maps = this.swapped(), seen = (v) => (narrow ? !tabbed.includes(v) || v.key === this.tab : !maps || v.key === "noise" || !v.asked || maps.includes(v));
-    const shown = this.views.filter(seen), at = (v) => (maps?.includes(v) ? maps.indexOf(v) : v.key === "noise" ? 2 : -1);
-    shown.sort((a, b) => (narrow ? (b.key === "mechanism") - (a.key === "mechanism") : at(a) - at(b)));
-    const why = this.missing.find((v) => v.key === "diagram")?.why();
-    const boxes = shown.map((v) => v.box);
-    if (narrow) boxes.splice(shown.findIndex((v) => tabbed.includes(v)), 0, this.tabs);
-    else if (why) boxes.push(element("p", { class: "missing" }, `No diagram, basins or section: ${why}. `, ...this.sections()));
-    this.main.replaceChildren(...boxes);
+    const why = this.missing.find((v) => v.key === "diagram")?.why(), box = (v) => v.box;
+    if (narrow) this.main.replaceChildren(...top.reverse().map(box), this.tabs, ...one.map(box));
+    else this.main.replaceChildren(...shown.map(box));
+    if (why && !narrow)
+      this.main.append(element("p", { class: "missing" }, `No diagram, basins or section: ${why}. `, ...this.sections()));
     this.tabs.querySelector('[aria-selected="true"]')?.scrollIntoView({ block: "nearest", inline: "center" });
-    this.main.dataset.mechanism = shown.some((v) => v.key === "mechanism");
-    this.main.dataset.maps = shown.filter((v) => v.asked && v.key !== "noise").length;
-    this.main.dataset.small = shown.filter((v) => ["phase", "characteristic", "layer"].includes(v.key)).length;
+    const count = (views) => views.filter((v) => shown.includes(v)).length;
+    Object.assign(this.main.dataset, { mechanism: count(top) > 1, maps: count(maps), small: count(small) });
     for (const v of this.views)
       if (v.id && !v.box.isConnected) {
         this.halt(v);
@@ -570,10 +564,13 @@ class App {
     };
     return [choice("section", [["", "choose a section"], ...sections.slice(0, 20).flatMap(ways)], "", choose)];
   }
+  show(key) {
+    this.tab = key;
+    this.arrange();
+  }
   // Two of three maps stand side by side; the menu in a caption puts another one there.
-  swapped() {
-    const maps = this.views.filter((v) => v.asked && v.key !== "noise");
-    if (maps.length < 3) return null;
+  swapped(maps) {
+    if (maps.length < 3) return maps;
     this.slots ||= ["diagram", "basins"];
     for (const v of maps) {
       const put = (key) => {
@@ -649,18 +646,8 @@ class App {
   setMap(key, part, anew = true) {
     this.remember(true);
     this.state[key] = { ...this.state[key], ...part };
-    this.note();
-    if (anew) this.of(key)?.start();
-  }
-  setDiagram(part, anew) {
-    this.setMap("diagram", part, anew);
-  }
-  setBasins(part) {
-    this.setMap("basins", part);
-  }
-  setNoise(part) {
-    this.setMap("noise", part);
     this.ask();
+    if (anew) this.of(key)?.start();
   }
   fromDiagram(name, value, x0) {
     if (this.locked) return;
@@ -835,10 +822,7 @@ class App {
     e.preventDefault();
   }
   go(key) {
-    if (this.narrow.matches && this.views.some((v) => v.key === key)) {
-      this.tab = key;
-      this.arrange();
-    }
+    if (this.narrow.matches) this.show(key);
     const v = this.of(key);
     if (!v) return;
     v.start();
@@ -853,7 +837,7 @@ class App {
   // ---- dialogs
   link() {
     const hash = this.hash();
-    this.show("Link", `${location.origin}/#s=${hash}`, `On another machine:\n${this.scene.command} --state ${hash}`);
+    this.tellCode("Link", `${location.origin}/#s=${hash}`, `On another machine:\n${this.scene.command} --state ${hash}`);
   }
   pick(then, names) {
     const views = this.views.filter((v) => !["section", "mechanism", "noise"].includes(v.key)).map((v) => [v.key, v.title]);
@@ -863,7 +847,7 @@ class App {
   }
   code() {
     const write = (view) => this.transport.send({ ...this.request(), kind: "code", for: view });
-    this.ask4("As code", this.pick(write, ["Write"]));
+    this.openDialog("As code", this.pick(write, ["Write"]));
     write("time");
   }
   save() {
@@ -873,7 +857,7 @@ class App {
       this.transport.send({ ...this.request(), kind: "figure", for: view, format });
     };
     this.saving = element("p", { class: "note" }, note);
-    this.ask4("Save figure", this.pick(draw, ["PNG", "PDF", "SVG"]), this.saving);
+    this.openDialog("Save figure", this.pick(draw, ["PNG", "PDF", "SVG"]), this.saving);
   }
   file({ format }, bytes) {
     const type = { png: "image/png", pdf: "application/pdf", svg: "image/svg+xml" }[format], name = `explore.${format}`;
@@ -882,14 +866,14 @@ class App {
     a.click();
     setTimeout(() => URL.revokeObjectURL(href), 60000);
   }
-  ask4(title, ...inside) {
+  openDialog(title, ...inside) {
     const close = element("button", { class: "small", "aria-label": "close" }, "Close");
     this.output = element("div");
     this.dialog.replaceChildren(element("form", { method: "dialog" }, element("h2", {}, title), close), ...inside, this.output);
     if (!this.dialog.open) this.dialog.showModal();
   }
-  show(title, text, more = "") {
-    if (!this.dialog.open) this.ask4(title);
+  tellCode(title, text, more = "") {
+    if (!this.dialog.open) this.openDialog(title);
     const block = element("pre", { tabIndex: 0 }, text);
     const copied = () => (copy.textContent = "Copied"), by_hand = () => getSelection().selectAllChildren(block);
     const copy = button("Copy", () => navigator.clipboard.writeText(text).then(copied, by_hand));
@@ -898,7 +882,7 @@ class App {
   }
   help() {
     const rows = KEYS.flatMap(([key, what]) => [element("dt", {}, key), element("dd", {}, what)]);
-    this.ask4("Keys", element("dl", {}, ...rows));
+    this.openDialog("Keys", element("dl", {}, ...rows));
   }
 }
 export const mount = (root, transport, fragment = "") => new App(root, transport, fragment);

@@ -422,14 +422,14 @@ class Diagram extends Grown {
     const parameters = named(controls.map((c) => c.name));
     const ways = [["0", "same start"], ["1", "carried on →"], ["-1", "carried on ←"]];
     const up = (y) => {
-      app.setDiagram({ y }, false);
+      app.setMap("diagram", { y }, false);
       this.plot.y.forget();
       this.draw();
     };
     this.tools.append(
-      choice("parameter", parameters, diagram.parameter, (v) => app.setDiagram({ parameter: v, range: null })),
+      choice("parameter", parameters, diagram.parameter, (v) => app.setMap("diagram", { parameter: v, range: null })),
       choice("what is shown", named(states), diagram.y, up),
-      choice("where each column starts", ways, String(diagram.carry), (v) => app.setDiagram({ carry: +v })),
+      choice("where each column starts", ways, String(diagram.carry), (v) => app.setMap("diagram", { carry: +v })),
     );
   }
   get ignored() {
@@ -472,7 +472,7 @@ class Diagram extends Grown {
         const [a, c] = this.plot.at(Math.min(x0, x1), Math.max(y0, y1));
         const [b, d] = this.plot.at(Math.max(x0, x1), Math.min(y0, y1));
         if (Math.abs(x1 - x0) > 6) {
-          this.app.setDiagram({ range: [a, b] });
+          this.app.setMap("diagram", { range: [a, b] });
           if (Math.abs(y1 - y0) > 20) this.plot.y.zoomed = [c, d];
         }
         this.draw();
@@ -563,7 +563,7 @@ class Basins extends Grown {
     this.tools.append(pick(0), pick(1));
   }
   over(axes) {
-    this.app.setBasins({ axes, ranges: axes.map((n) => this.app.scene.axes[n]) });
+    this.app.setMap("basins", { axes, ranges: axes.map((n) => this.app.scene.axes[n]) });
   }
   depends() {
     const { p, x0, basins, section } = this.app.state, [a, b] = basins.axes;
@@ -613,7 +613,7 @@ class Basins extends Grown {
       const [a, b] = app.state.basins.axes;
       if (!app.locked) app.begin({ [a]: x, [b]: y });
     };
-    const zoomed = () => app.setBasins({ ranges: [across, up].map((axis) => [axis.low, axis.high]) });
+    const zoomed = () => app.setMap("basins", { ranges: [across, up].map((axis) => [axis.low, axis.high]) });
     const zoom = (x, y, k) => {
       this.zooming(x, y, k);
       clearTimeout(this.later);
@@ -726,7 +726,7 @@ class Noise extends Grown {
     return this.app.scene.noise ? "" : "no noise was given";
   }
   options() {
-    const { app } = this, { seed } = app.state.noise, write = (part) => app.setNoise(part);
+    const { app } = this, { seed } = app.state.noise, write = (part) => app.setMap("noise", part);
     const line = { type: "range", min: 0, max: 99, value: seed, "aria-label": "seed", oninput: (e) => write({ seed: +e.target.value }) };
     this.tools.append(
       choice("what is shown", named([...app.scene.states, ...app.scene.outputs]), app.state.noise.name, (name) => write({ name })),
