@@ -14,6 +14,7 @@ from typing import Any
 from .bundle import module, style
 from .processes import SHOWN, Workers
 
+_WIDE = 1600  # px of the window, of which a notebook's cell is a part
 _RENDER = """
 function render({ model, el }) {
   const root = document.createElement("div");
@@ -46,7 +47,7 @@ def _class() -> Any:
         """What a notebook shows; also an `Explorer`, whose names it has."""
 
         _esm = module() + _RENDER
-        _css = style()
+        _css = style(wide=_WIDE)
 
         def __init__(self, explorer: Any) -> None:
             super().__init__()
