@@ -32,6 +32,7 @@ from .refining import SweepPlan, in_chunks, make_plan, ordered
 __all__ = ["FAILED", "UNSETTLED", "Basins", "OrbitDiagram", "basins", "orbit_diagram", "refine_basins"]
 
 _TURNS = 6  # periods or returns between two looks at where a trajectory is
+_SCOUTS = 8  # starts that look for the first attractors
 
 
 @dataclass(frozen=True, repr=False)
@@ -329,6 +330,14 @@ def _arrivals(
     search: _Search, planned: SweepPlan, numbers: np.ndarray
 ) -> tuple[np.ndarray, list[PeriodicOrbit]]:
     """Labels of the starts of these numbers, and the attractors so far."""
+    # Where no attractor is known all would run to the end: a few look for the first ones.
+    parts = [numbers] if search.attractors.found else np.split(numbers, [_SCOUTS])
+    labels = [_labels(search, planned, part) for part in parts]
+    return np.concatenate(labels), [known.orbit for known in search.attractors.found]
+
+
+def _labels(search: _Search, planned: SweepPlan, numbers: np.ndarray) -> np.ndarray:
+    """Of the starts of these numbers: which attractor has drawn each of them in."""
     names, attractors = search.names, search.attractors
     plan = replace(planned.plan, kinds=tuple((name, "state") for name in names))
     x = np.tile(np.array(plan.start), (len(numbers), 1))
@@ -362,7 +371,7 @@ def _arrivals(
         rest = replace(plan, transient=plan.transient - done)
         ends = search.read(run_chunk(rest, dict(zip(names, x[rows].T))), search.longest)
         labels[rows], _ = attractors.label(ends, plan.transient, search.lead_on)
-    return labels, [known.orbit for known in attractors.found]
+    return labels
 
 
 @dataclass(frozen=True, repr=False)
