@@ -257,7 +257,8 @@ def test_another_law_keeps_the_mechanism_and_where_it_is():
         ({"law": "Hertz"}, "law"),  # of contact
         ({"law": "os.system"}, "law"),
         ({"law": 1}, "law"),
-        ({"law": "Dahl", "values": {"alpha": "x"}}, "alpha"),
+        ({"law": "Dahl", "values": {"alpha": "1"}}, "give a number"),
+        ({"law": "Dahl", "values": {"alpha": -1.0}}, "alpha"),
         ({"view": "turned"}, "layered"),
     ],
 )

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import sympy as sp
@@ -16,6 +16,7 @@ from ..definition import checks
 from ..noise.kicks import Kicks
 from ..scenes.drive import t
 from ..scenes.scene import Scene
+from ..sweep.study import law_of
 from ..system import System
 from .subject import Subject, named_subject, subject_of, with_law
 
@@ -206,6 +207,10 @@ def as_asked(subject: Subject, asked: Mapping[str, Any]) -> Subject:
     """The subject with the `law`, its `values` and the `view` that a page asks for; ValueError for what is none."""
     law = checks.name(asked.get("law", ""), "`law`")
     values = checks.mapping(asked.get("values", {}), "`values`")
+    words = {f.name for f in fields(law_of(law)) if f.metadata["choices"]} if law and values else set()
+    for name, value in values.items():
+        if isinstance(value, str) and name not in words:
+            raise TypeError(f"`values` of {name} is {checks.shown(value)}; give a number.")
     if law and (subject.made is None or law != subject.made.law or values):
         subject = with_law(subject, law, values)
     return in_view(subject, str(asked.get("view", "")))
