@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Kicks, System, basins, orbit_diagram, solve
+from pwsmooth import Diffusion, Kicks, System, basins, orbit_diagram, solve
 from pwsmooth.explore import describe, export, frames, live, maps, opening, presets, processes, subject
 from pwsmooth.explore.code import figure, script
 from pwsmooth.explore.server import PAGES, Server
@@ -383,6 +383,11 @@ def test_paths_under_noise_are_those_of_solve():
     assert header["done"] == 2 and header["of"] == 20
     with pytest.raises(ValueError, match="noise"):
         next(maps.noise(presets.subject_of_preset("coulomb"), state))
+    noise = Diffusion({x: 0.1}, step=0.05)
+    diffused = subject.subject_of(System({x: -x}), {x: 1}, t_span=(0, 1), noise=noise)
+    _, arrays = next(maps.noise(diffused, {"names": ["x"], "seed": 3}))
+    np.testing.assert_allclose(arrays["t"], 0.05 * np.arange(21), atol=1e-15)  # where its path is given
+    assert np.isfinite(arrays["values"]).all()
 
 
 def test_an_autonomous_system_has_maps_by_a_section():

@@ -230,10 +230,11 @@ def _instants(noise: Any, span: tuple[float, float]) -> np.ndarray:
     """Times at which paths are drawn: even ones, and both sides of kicks, or multiples of a diffusion's step."""
     times = np.linspace(*span, _INSTANTS)
     if isinstance(noise, Diffusion):  # where its path is given
-        return noise.step * np.unique(np.rint(times / noise.step))
-    kicks = noise.every * np.unique(np.rint(times / noise.every))
-    beside = (kicks + side * 1e-6 * noise.every for side in (-1, 1))
-    times = np.unique(np.concatenate([times, *beside]))
+        times = noise.step * np.unique(np.rint(times / noise.step))
+    else:
+        kicks = noise.every * np.unique(np.rint(times / noise.every))
+        beside = (kicks + side * 1e-6 * noise.every for side in (-1, 1))
+        times = np.unique(np.concatenate([times, *beside]))
     return times[(times >= span[0]) & (times <= span[1])]
 
 
