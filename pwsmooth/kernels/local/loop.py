@@ -265,6 +265,9 @@ def _renew(A, P, C, S, R, W, t, stop, why):
         S.step = A.length[T.member[0]] if A.alone != 0 else C.t_end - t
         code = GO_ON
         if not settled and _prepare_instant(A, S, W, t):
+            # What holds the members is that of the instant at which they were renewed: an instant asks for its own.
+            mask_solved(P, S, W)
+            follow(P, S, W)
             code = call_unit(P.instant_unit, P, C, S, R, W)
             A.instants += 1
             if code >= GO_ON and _take_in_written(A, S, W):
