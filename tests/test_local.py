@@ -7,7 +7,7 @@ front's speeds from the closed form that stands beside them. Random assemblies: 
 import numpy as np
 import pytest
 import sympy as sp
-from assembly_models import BELT, belt, bistable, chain, networks, start_of, with_templates
+from chain_models import BELT, belt, bistable, chain, networks, start_of, with_templates
 from family_models import MODELS, template_from
 
 from pwsmooth import Algebraic, Event, Family, Kicks, Switch, System, Unilateral, solve
