@@ -21,7 +21,7 @@ _HOME = {
     "Unilateral": "definition.primitives",
     "Algebraic": "definition.primitives",
     "Family": "definition.family",
-    "Record": "definition.recording",
+    "Recorder": "definition.recording",
     "Drive": "definition.drives",
     "Control": "definition.controls",
     "Kicks": "noise.kicks",

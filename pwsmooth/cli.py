@@ -238,6 +238,9 @@ def explore(
     allow_code: Annotated[
         bool, typer.Option("--allow-code", help="Let a study run code: 'file.py:name', a file beside it.")
     ] = False,
+    read_only: Annotated[
+        bool, typer.Option("--read-only", help="The page looks, and changes neither parameters, start nor law.")
+    ] = False,
     list_only: Annotated[bool, typer.Option("--list", help="List scenes and presets, and leave.")] = False,
 ) -> None:
     """A page on which a system answers while a slider moves: orbit, phase plane, layer, orbit diagram, basins.
@@ -251,7 +254,7 @@ def explore(
         if list_only:
             typer.echo(opening.listing())
             return
-        opening.command(what, law, preset, state, port, browser, allow_code, typer.echo)
+        opening.command(what, law, preset, state, port, browser, allow_code, typer.echo, read_only)
 
 
 @app.command()

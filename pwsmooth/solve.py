@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 
 from .definition import checks
-from .definition.recording import Record
+from .definition.recording import Recorder
 from .paths.budget import MOST_STEPS, opened
 from .paths.event_driven import LOOSEST, EventDriven, Options, prepared_run
-from .paths.local import LOCAL_FROM, MANY, run_locally, runs_locally
+from .paths.local import run_locally
+from .paths.locality import LOCAL_FROM, MANY, runs_locally
 from .results.solution import Outcome, Solution
 
 
@@ -41,7 +42,7 @@ def solve(
     noise: Any = None,
     with_respect_to: Sequence[Any] | None = None,
     local: bool | None = None,
-    record: Record | None = None,
+    record: Recorder | None = None,
 ) -> Solution:
     """Solve a piecewise-smooth system from `x0` over `t_span`.
 
@@ -97,7 +98,7 @@ def solve(
         number, or all of them. By default it does where the structure allows it (`System.describe` says), of
         {few} elements and more with `t_eval`, and of more than {many} elements without: then the solution has
         the start and the end alone.
-    record : Record, optional
+    record : Recorder, optional
         Of a run with local events: which elements are kept, where the events go, a checkpoint.
 
     Returns

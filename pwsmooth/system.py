@@ -425,6 +425,7 @@ class System(DescribedSystem):
         states = self.model.states
         if isinstance(x0, Mapping):
             initial = np.full(len(states), np.nan)
+            assert self._element is not None
             for m in self._element.definition.memories:
                 first, n = states.blocks[m.name.replace("[]", "")]
                 initial[first : first + (n or 1)] = m.initial

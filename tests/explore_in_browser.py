@@ -391,7 +391,7 @@ def taking(b: Browser, shots: Path | None) -> None:
             tab.get_by_text("PNG").click()
         expect(Path(saved.value.path()).read_bytes().startswith(b"\x89PNG"), "no picture was saved")
         tab.keyboard.press("Escape")
-        tab.evaluate("explorer.turn('layered')")
+        tab.evaluate("explorer.turn({view: 'layered'})")
         wait(
             tab,
             "explorer.scene.view && explorer.orbit?.header.seq === explorer.seq && !explorer.scene.states.includes('z')",
@@ -401,6 +401,36 @@ def taking(b: Browser, shots: Path | None) -> None:
         if shots:
             time.sleep(1)
             tab.screenshot(path=shots / "layered.desktop.png", full_page=True)
+
+
+def models(b: Browser, shots: Path | None) -> None:
+    """Another law takes the place of the one there is, and a link keeps it; a page that only looks changes nothing."""
+    now = "explorer.orbit?.header.seq === explorer.seq && explorer.inFlight === null"
+    with served("--preset", "figure-8") as (url, _):
+        with b.tab(url) as tab:
+            tab.fill("#c-spring-n", "3.3")
+            tab.press("#c-spring-n", "Enter")
+            wait(tab, IDLE)
+            tab.select_option("select[aria-label=law]", "LuGre")
+            wait(tab, f"explorer.scene.law.name === 'LuGre' && {now}", 60, "no other law")
+            state = tab.evaluate("explorer.state")
+            expect(state["p"]["spring"] == 3.3 and "sigma0" in state["p"], f"parameters are {state['p']}")
+            expect(state["x0"] == {"y": 0.5, "v": 0.3, "z": 0}, f"the start is {state['x0']}")
+            wait(tab, "location.hash.startsWith('#s=')")
+            time.sleep(0.5)
+            kept = tab.evaluate("location.hash")
+        with b.tab(f"{url}&{kept[1:]}") as fresh:
+            wait(fresh, f"explorer.scene.law.name === 'LuGre' && {now}", 60, "the link loses the law")
+            expect(fresh.evaluate("explorer.state.p.spring") == 3.3, "the link loses a parameter")
+    with served("--preset", "figure-8", "--read-only") as (url, _), b.tab(url) as tab:
+        first = tab.evaluate(HASH)
+        tab.evaluate("explorer.state.p.rho = 1, explorer.ask()")
+        wait(tab, IDLE)
+        expect(tab.evaluate(HASH) == first, "a page that only looks changes the system")
+        expect(tab.evaluate("explorer.sliders.inert"), "its sliders are not shut")
+    with served("--preset", "figure-13") as (url, _), b.tab(url) as tab:
+        wait(tab, "explorer.of('noise').job?.header?.done === 20", 60, "no paths under noise")
+        expect(tab.evaluate(LOOK)["seen"][-1]["ink"] > 300, "paths under noise have no ink")
 
 
 def sections(b: Browser, shots: Path | None) -> None:
@@ -473,7 +503,7 @@ def phone(b: Browser, shots: Path | None) -> None:
 
 
 CHECKS: tuple[Callable[[Browser, Path | None], None], ...] = (
-    sliders, gestures, colours, links, taking, sections, ending, phone, views,
+    sliders, gestures, colours, links, taking, models, sections, ending, phone, views,
 )  # fmt: skip
 
 
@@ -548,9 +578,10 @@ FAULTS: dict[str, tuple[str, str, str, str]] = {
         "        self.over = True\n        for process in ():", "ending",
     ),
     "wider than a phone": (
-        "explore/static/style.css", "  .explorer .work { display: block; }", "  .explorer .work { display: block; width: 500px; }",
-        "views",
+        "explore/static/style.css", ".work { display: block; }", ".work { display: block; width: 500px; }", "views",
     ),
+    "another law loses the mechanism's numbers": (JS, "{ ...rest, p, x0:", "{ ...rest, x0:", "models"),
+    "a page that only looks is heard": ("explore/processes.py", "if self.subject.read_only:", "if False:", "models"),
 }  # fmt: skip
 
 

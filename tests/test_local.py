@@ -12,6 +12,7 @@ from family_models import MODELS, template_from
 
 from pwsmooth import Algebraic, Event, Family, Kicks, Switch, System, Unilateral, solve
 from pwsmooth.paths import local as path
+from pwsmooth.paths import locality
 from tests.fuzz.assemblies import compared
 
 TIGHT = {"rtol": 1e-14, "atol": 1e-15}
@@ -350,7 +351,7 @@ def test_what_takes_the_whole_system_is_named(systems):
 
 
 def test_derivatives_are_those_of_the_run_of_all(monkeypatch):
-    monkeypatch.setattr(path, "LOCAL_FROM", 10)
+    monkeypatch.setattr(locality, "LOCAL_FROM", 10)
     with template_from(1):
         arguments, start, _ = MODELS["friction_chain"](10)
         system = System(**({"time": t} | arguments))

@@ -52,6 +52,20 @@ def test_a_complete_refinement_is_the_sweep_to_the_bit(workers):
     assert plan.dataset(refine(plan, settle=None, workers=workers)).identical(whole)
 
 
+def test_an_order_may_follow_from_what_was_found():
+    plan, seen = doubling(), []
+
+    def onwards():
+        yield from range(40)  # as many as are in the first chunk
+        yield 99 - int(seen[0][-1])
+
+    for numbers, _ in refine(plan, onwards()):
+        seen.append(numbers)
+    assert [part.tolist() for part in seen] == [list(range(40)), [60]]
+    with pytest.raises(ValueError, match="order"):
+        next(refine(plan, iter([0, 100])))
+
+
 def test_orbits_that_settle_early_have_the_points_of_those_that_do_not(monkeypatch):
     plan = doubling()
     early, full = plan.dataset(refine(plan)), plan.dataset(refine(plan, settle=None))

@@ -150,5 +150,22 @@ for value in (2, 3):
 # %%
 # Left of the surface :math:`\dot x - \dot y = a - 2t + 3`, zero at :math:`t = (a + 3)/2`: 2.5
 # and 3.
+
+# %%
+# Look while you change it
+# ------------------------
+# A solve takes less than a millisecond, so that a parameter can have a slider (``pwsmooth
+# explore`` gives one to each, of any system). Here a block on a spring is shaken over a rough
+# floor. Where it sticks, it slides on :math:`v = 0` as above, and is shaded. Move
+# :math:`\rho`, the strength of its static friction: 0 is Coulomb's law.
+#
+# .. explorer:: figure-8
+#    :over: rho=0..6/41
+#    :views: time, mechanism, phase
+#    :height: 740
+
+# %%
+# The static part acts while :math:`v = 0` only: neither of the fields beside the surface knows of
+# it.
 #
 # Next: :ref:`what happens inside the surface <sphx_glr_auto_tutorials_plot_2_hidden_terms.py>`.

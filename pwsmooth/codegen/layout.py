@@ -135,6 +135,8 @@ class Layout:
             offsets = self.offsets[family]
             near = f"near{family}[{len(offsets)} * i{family} + {offsets.index(offset)}]"
             return f"int({near}) != i{family}"
+        if offset >= LINKED:
+            return f"{neighbour(family, offset)} != i{family}"
         return f"i{family} + {offset} < m{family}" if offset > 0 else f"i{family} >= {-offset}"
 
     def number(self, family: int) -> str:

@@ -46,8 +46,9 @@ class Family:
     -----
     From 8 elements on one element is lowered and the generated code loops over all, so that n does not matter for the
     time to set up. Contacts, surfaces between neighbours, time events of elements, elements that act on each other's
-    multipliers, hidden terms on surfaces that slide and switches that can slide to second order (relays on positions)
-    have no template: their elements are written out, as are those of smoothed and layered views.
+    multipliers, hidden terms on surfaces that slide (but for static friction, of 100 elements and more) and switches
+    that can slide to second order (relays on positions) have no template: their elements are written out, as are those
+    of smoothed and layered views. In large families an event costs its neighbourhood alone: see `solve`.
 
     Examples
     --------
@@ -526,6 +527,14 @@ class Expansion:
         """The numbers k of the elements to be written out."""
         return range(family.n)
 
+    def lacks(self, member, k):
+        """Whether element k does not have that neighbour."""
+        if k is None or not member.offset:
+            return False
+        if member.links is not None:
+            return int(member.links.table[k, member.offset - 1]) == k
+        return member.of_element(k) is None
+
     def label(self, name, k, space="_"):
         """Name of something in element k."""
         return f"{name}{space}{k + 1}"
@@ -537,6 +546,10 @@ class Expansion:
     def further(self):
         """(symbols with a meaning of their own, those of them that move, expressions behind them)."""
         return {}, set(), ()
+
+    def beside(self, symbol):
+        """(symbol of the element itself, offset) of a neighbour's; None for any other."""
+        return None
 
     def _member(self, m, k):
         if k is None:
@@ -605,12 +618,13 @@ class Expansion:
             return self.element(e, k) if isinstance(e, sp.Basic) else e
 
         name = item.name if k is None or item.name is None else self.label(item.name, k, " ")
+        written = {key: e for key, e in item.update if not (isinstance(key, Member) and self.lacks(key, k))}
         return Event(
             part(item.surface),
             every=part(item.every),
             at=tuple(map(part, item.at)) or None,
             direction=item.direction,
-            update={part(key): part(value) for key, value in item.update},
+            update={part(key): part(value) for key, value in written.items()},
             when=part(item.when),
             terminal=item.terminal,
             name=name,

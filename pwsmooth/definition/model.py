@@ -228,12 +228,37 @@ class EventSpec:
         """
         result = []
         for index, value in self.update:
-            e = value - states[index]
-            if states[index] in e.free_symbols and sp.count_ops(e) <= 60:
+            state = index.symbol if isinstance(index, Beside) else states[index]
+            e = value - state
+            if state in e.free_symbols and sp.count_ops(e) <= 60:
                 e = sp.expand(e)
-            adds = states[index] not in e.free_symbols
+            adds = state not in e.free_symbols
             result.append((index, e if adds else value, adds))
         return result
+
+
+class Beside(int):
+    """Index of a state of a neighbour, which an event of an element writes; `symbol` is that state there."""
+
+    offset: int
+    symbol: sp.Symbol
+
+    def __new__(cls, index: int, offset: int, symbol: sp.Symbol) -> Beside:
+        self = super().__new__(cls, index)
+        self.offset, self.symbol = offset, symbol
+        return self
+
+    def __reduce__(self) -> Any:
+        return Beside, (int(self), self.offset, self.symbol)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Beside) and (int(self), self.offset) == (int(other), other.offset)
+
+    def __hash__(self) -> int:
+        return hash((int(self), self.offset))
+
+    def __repr__(self) -> str:
+        return f"Beside({int(self)}, {self.offset})"
 
 
 def of_event(event: Any) -> Iterator[sp.Basic]:

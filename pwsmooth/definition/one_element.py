@@ -66,6 +66,13 @@ class OneElement(Expansion):
         self.number(family)
         return [0]
 
+    def lacks(self, member, k):
+        return False
+
+    def beside(self, symbol):
+        place = self.places.get(symbol)
+        return (place.base, place.offset) if place and place.base is not None and place.offset else None
+
     def label(self, name, k, space="_"):
         return f"{name}{'' if space == '_' else space}{MARK}"
 

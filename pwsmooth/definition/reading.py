@@ -14,7 +14,7 @@ from .controls import Control
 from .family import Expansion
 from .lifting import Lifting, plain
 from .lowering import Field
-from .model import EventSpec, of_event
+from .model import Beside, EventSpec, of_event
 from .primitives import Algebraic, Disc, Event, Memory, Reaction, Switch, Unilateral, symbols_of
 
 _INSTANT = {"new_switches": False}  # what is evaluated at instants makes no switches of its own
@@ -111,6 +111,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled,
         lift,
         [*states, *memories],
         [*states, *memories, *unknowns, *pieces, *controls, time],
+        families.beside,
     )
     specs += drives.sampling(pieces, [*states, *memories])
     field = Field(
@@ -218,15 +219,23 @@ def _parameters(values_of, names, symbols, taken):
     return values
 
 
-def _events(events, lift, order, moving):
+def _written(key, order, what, beside):
+    """Index of what an event writes."""
+    place = beside(key)
+    if place is None:
+        return order.index(checks.lookup(key, order, what, "state or memory"))
+    base, offset = place
+    return Beside(order.index(checks.lookup(base, order, what, "state or memory")), offset, key)
+
+
+def _events(events, lift, order, moving, beside):
     # All surfaces first: guards and updates then find their switches.
     surfaces = [None if event.surface is None else lift(event.surface) for event in events]
     specs = []
     for k, (event, surface) in enumerate(zip(events, surfaces, strict=True)):
         name = event.name or f"event {k + 1}"
         update = tuple(
-            (order.index(checks.lookup(key, order, f"`update` of event {name!r}", "state or memory")),
-             lift(e, **_INSTANT))
+            (_written(key, order, f"`update` of event {name!r}", beside), lift(e, **_INSTANT))
             for key, e in event.update
         )  # fmt: skip
         for e in (event.every, *event.at):

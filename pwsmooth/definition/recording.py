@@ -10,7 +10,7 @@ from . import checks
 
 
 @dataclass(frozen=True)
-class Record:
+class Recorder:
     """What `solve(..., record=...)` keeps of a family whose events are local.
 
     The solution then has the states of all elements at the start and at the end alone.
@@ -37,8 +37,8 @@ class Record:
 
     Examples
     --------
-    >>> from pwsmooth import Record
-    >>> Record(elements=[1, -1]).elements
+    >>> from pwsmooth import Recorder
+    >>> Recorder(elements=[1, -1]).elements
     (1, -1)
     """
 

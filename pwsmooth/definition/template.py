@@ -21,7 +21,7 @@ import numpy as np
 import sympy as sp
 
 from .many import MANY, Symbols
-from .model import Model, Table
+from .model import Beside, Model, Table
 
 MARK = "[]"  # in the name of what every element has
 LINKED = 10**8  # from here on an offset counts the columns of a table of neighbours
@@ -163,6 +163,18 @@ class Families:
             return self.expression(place.outside, k)
         return sp.Symbol(named(place.base.name, at), **place.base._assumptions_orig)
 
+    def beside(self, family: int, k: int, offset: int) -> int | None:
+        """Number of the neighbour of element k; None where there is none."""
+        n, at = self.sizes[family], k + offset
+        if offset >= LINKED:
+            table = self.links[family]
+            assert table is not None
+            at = int(table.rows[k, offset - LINKED])
+            return None if at == k else at
+        if self.template.periodic[family]:
+            return at % n
+        return at if 0 <= at < n else None
+
     def expression(self, e: sp.Basic, k: int | None) -> sp.Basic:
         """An expression of the template for element k, sums written out."""
         sums = {s: (family, inner) for s, family, inner in self.template.sums}
@@ -198,10 +210,14 @@ class Item:
         if name == "update":
             starts = self._families.starts("states")
             families = self._families.template.families("states")
-            return tuple(
-                (starts[b] + (self._k or 0) * (families[b] is not None), self._families.expression(e, self._k))
-                for b, e in value
-            )
+            written = []
+            for b, e in value:
+                at: int | None = (self._k or 0) * (families[b] is not None)
+                if isinstance(b, Beside):
+                    at = self._families.beside(families[b] or 0, self._k or 0, b.offset)
+                if at is not None:
+                    written.append((starts[b] + at, self._families.expression(e, self._k)))
+            return tuple(written)
         return self._made(value)
 
     def plain(self) -> Any:

@@ -6,6 +6,7 @@ import importlib.resources
 import re
 
 NARROW = 760  # px, below which the page has the layout of a phone
+WIDE = 1100  # px, from which on three views stand in a row
 _PARTS = ("plot.js", "views.js", "explorer.js")
 
 
@@ -21,7 +22,7 @@ def module(narrow: int = NARROW) -> str:
     return text.replace(f"{NARROW - 1}px", f"{narrow - 1}px")
 
 
-def style(narrow: int = NARROW) -> str:
-    """The style sheet, with the layout of a phone below `narrow` pixels."""
-    text = static("style.css").decode()
+def style(narrow: int = NARROW, wide: int = WIDE) -> str:
+    """The style sheet, with the layout of a phone below `narrow` pixels, and three views in a row from `wide` on."""
+    text = static("style.css").decode().replace(f"{WIDE - 1}px", f"{wide - 1}px")
     return text.replace(f"{NARROW - 1}px", f"{narrow - 1}px").replace(f"{NARROW}px", f"{narrow}px")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ import sympy as sp
 
 from .. import plotting
 from ..definition.model import Model
-from .subject import Subject
+from ..sweep.study import law_of
+from .subject import Subject, laws_for
 
 #: What a page may ask of a process; `each` within a factor of 10 by the page.
 LIMITS = {"span": 1000.0, "periods": 500, "steps": 200_000, "seconds": 2.0, "columns": 2000, "points": 1000,
@@ -26,7 +28,9 @@ def describe(subject: Subject, solution: Any = None) -> dict[str, Any]:
     system, model = subject.system, subject.system.model
     states = [s.name for s in model.states[: len(model.states) - model.n_memory]][:MOST]
     multipliers = [str(m.symbol) for m in model.multipliers if m.kind != "component"][:MOST]
-    outputs = [str(name) for name, _ in model.outputs] if model.families is None else []
+    outputs = [str(name) for name, _ in model.outputs] if model.families is None else (
+        [n for n in dict.fromkeys((*subject.names, *subject.phase)) if n not in (*states, *multipliers)]
+    )  # fmt: skip
     units = {**subject.units}
     return {
         "title": subject.name,
@@ -42,8 +46,8 @@ def describe(subject: Subject, solution: Any = None) -> dict[str, Any]:
         "period": subject.period_at({}),
         "axes": {name: _reach(subject.start[name], k, solution) for k, name in enumerate(states)},
         "controls": controls(subject),
-        "names": (states + outputs)[:2],
-        "phase": _phase(states, outputs),
+        "names": list(subject.names) or (states + outputs)[:2],
+        "phase": list(subject.phase) or _phase(states, outputs),
         "characteristic": characteristic(model),
         "switches": switches(model),
         "hidden": _has_hidden(system),
@@ -52,6 +56,10 @@ def describe(subject: Subject, solution: Any = None) -> dict[str, Any]:
             "shapes": subject.sketch.describe(), "bounds": subject.sketch.bounds, "note": subject.sketch.note,
         },
         "views": list(subject.views),
+        "law": _law(subject),
+        "noise": "" if subject.noise is None else str(subject.noise),
+        "eps": subject.eps,
+        "read_only": subject.read_only,
         "command": subject.command or "pwsmooth explore SCENE",
         "colours": {
             "right": plotting.COLOUR["right"], "left": plotting.COLOUR["left"], "stick": plotting.COLOUR["stick"],
@@ -61,6 +69,19 @@ def describe(subject: Subject, solution: Any = None) -> dict[str, Any]:
                                                     "with events", "stick")],
         },
         "limits": LIMITS,
+    }  # fmt: skip
+
+
+def _law(subject: Subject) -> dict[str, Any]:
+    """The law, those that fit in its place, and what shapes it: numbers and words that no slider can change."""
+    if subject.made is None or subject.made.law is None:
+        return {}
+    law = law_of(subject.made.law)
+    shaping = [f for f in fields(law) if f.metadata["structural"]]
+    return {
+        "name": subject.made.law, "all": laws_for(subject), "moving": subject.moving,
+        "shape": [{"name": f.name, "value": subject.made.values.get(f.name, f.default),
+                   "meaning": f.metadata["meaning"], "choices": list(f.metadata["choices"])} for f in shaping],
     }  # fmt: skip
 
 
@@ -75,7 +96,7 @@ def characteristic(model: Model) -> list[str]:
     if model.families is not None:
         return []
     moving = [m for m in model.multipliers if _moves(model, m)]
-    found = sorted(moving, key=lambda m: not _can_slide(model, m))
+    found = sorted(moving, key=lambda m: not can_slide(model, m))
     forces = {str(n): sp.sympify(e, strict=True).free_symbols for n, e in model.outputs}
     for m in found:
         slip = str(m.surface) if m.surface in model.states else f"h:{m.symbol}"
@@ -91,10 +112,10 @@ def switches(model: Model) -> list[str]:
     """Names of the switches whose layer can be opened."""
     if model.families is not None:
         return []
-    return [str(m.symbol) for m in model.multipliers if _can_slide(model, m)]
+    return [str(m.symbol) for m in model.multipliers if can_slide(model, m)]
 
 
-def _can_slide(model: Model, m: Any) -> bool:
+def can_slide(model: Model, m: Any) -> bool:
     """Whether it is a switch with a layer: its surface moves with the states, and its dh/dt depends on it."""
     return _moves(model, m) and m.regularity == "sliding" and m.symbol in m.residual.free_symbols
 

@@ -21,12 +21,14 @@ from ..results.solution import Solution
 from ..sweep.contract import Window
 from ..sweep.of_solution import strobes
 from ..sweep.periodicity import Period
-from .describe import LIMITS, switches
+from .describe import LIMITS, can_slide, switches
 from .subject import Subject
 
-POINTS = 6000  # of a picture
+POINTS = 3000  # of a picture; eight of a step at least
+_STEPS = 750  # of more than so many points that show no bend are left out
 _TICKS = 400  # events that are sent: more are no ticks but a shade
 _LAM = np.linspace(-1, 1, 161)
+_PLACES = 121  # along a surface in the phase plane
 _POSES = 1200  # points of the mechanism's motion
 _LONGEST = 16  # periods of an orbit that a sentence names
 
@@ -95,6 +97,9 @@ class Live:
         arrays = {"lam": _LAM, "g": g}
         h = field_over(model, model.multipliers[j].surface, j, t, x, mult, p, _LAM[:1])
         header = {"kind": "layer", "switch": name, "t": t, "now": mult[j], "roots": _roots(g), "h": float(h[0])}
+        if "box" in asked:
+            pair = tuple(str(n) for n in checks.several(asked.get("phase", ()), "`phase`"))
+            header |= {"plane": pair, "sliding": _sliding(solution, t, x, mult, pair, asked["box"])}
         if (slaved := self._with_fast_states()) is not None:
             other, k = slaved.model, [str(m.symbol) for m in slaved.model.multipliers].index(name)
             slow = [x[solution.states.index(str(s))] for s in other.states]
@@ -168,9 +173,9 @@ def sampled(solution: Solution, names: list[str], sketch: Any = None) -> tuple[S
     if sketch is not None:
         own = (*solution.states, *solution.multipliers, *solution.outputs)
         wanted += [n for n in sketch.names if n in own]
-    # A step of many may still be long: all get eight places then, and what shows no bend is dropped again.
-    many = len(solution.t) > POINTS // 8
-    points, chord = (min(8 * len(solution.t), 8 * POINTS), 5e-4) if many else (POINTS, None)
+    # A step of many may still be long: all get eight places, of which what shows no bend is dropped again.
+    steps = len(solution.t)
+    points, chord = max(POINTS, min(8 * steps, 64 * _STEPS)), 5e-4 if steps > _STEPS else None
     found = solution.sample(points, list(dict.fromkeys(wanted)), chord=chord)
     rows = dict(zip(found.names, found.values.T))
     model, p = solution.model, [solution.parameters[str(s)] for s in solution.model.parameters]
@@ -201,7 +206,7 @@ def _posed(
             else:
                 rows.append({"at": len(moving)})
                 moving.append(row)
-    return rows, {"pose": np.array(moving).reshape(len(moving), -1), "pose_t": some.t}
+    return rows, {"pose": np.array(moving).reshape(len(moving), len(some)), "pose_t": some.t}
 
 
 def _events(solution: Solution) -> list[list[Any]]:
@@ -226,22 +231,65 @@ def _lines(solution: Solution, asked: Mapping[str, Any]) -> list[list[float]]:
     if len(pair) != 2 or solution.model.families is not None:
         return []
     p = [solution.parameters[str(s)] for s in solution.model.parameters]
-    return [[float(c(*p)) for c in line] for line in _straight(solution.model, pair)]
+    return [[float(c(*p)) for c in line] for _, line in _straight(solution.model, pair)]
+
+
+def _sliding(
+    solution: Solution, t: float, x: Any, mult: Any, pair: tuple[str, ...], box: Any
+) -> list[list[float]]:
+    """Pieces (x0, y0, x1, y1) of straight surfaces in the phase plane on which it slides at the time t.
+
+    There the layer has an attracting root: dh/dt > 0 at some lambda and < 0 at a larger one, all else as it is now.
+    """
+    model, p, sides = solution.model, solution.parameters, checks.several(box, "`box`")
+    if len(pair) != 2 or len(sides) != 2 or model.families is not None:
+        return []
+    low, high = np.array([checks.interval(side, "`box`") for side in sides]).T
+    values = [p[str(s)] for s in model.parameters]
+    found: list[list[float]] = []
+    for m, line in _straight(model, pair):
+        a, b, c = (float(k(*values)) for k in line)
+        j = model.multipliers.index(m)
+        if not can_slide(model, m):
+            continue
+        slope, size = (a, b), high - low
+        k = int(abs(a) * size[0] > abs(b) * size[1])  # the axis that the line is along
+        places = np.empty((2, _PLACES))
+        places[k] = np.linspace(low[k], high[k], _PLACES)
+        places[1 - k] = -(slope[k] * places[k] + c) / slope[1 - k]
+        there = [
+            places[pair.index(name), :, None] if (name := str(s)) in pair else v
+            for s, v in zip(model.states, x)
+        ]
+        g = field_over(model, m.residual, j, t, there, mult, p, np.broadcast_to(_LAM, (_PLACES, len(_LAM))))
+        # > 0 where there is such a root, and its zero is where this one comes or goes.
+        margin = np.minimum(np.maximum.accumulate(g, axis=1), -g).max(axis=1)
+        inside = np.flatnonzero(np.diff(np.concatenate([[False], margin > 0, [False]]).astype(int)))
+        for first, last in zip(inside[::2], inside[1::2] - 1):
+            ends = []
+            for at, beside in ((first, first - 1), (last, last + 1)):
+                u = margin[at] / (margin[at] - margin[beside]) if 0 <= beside < _PLACES else 0.0
+                ends += (
+                    places[:, at] + u * (places[:, min(max(beside, 0), _PLACES - 1)] - places[:, at])
+                ).tolist()
+            found.append(ends)
+    return found
 
 
 @functools.lru_cache(maxsize=64)
-def _straight(model: Model, pair: tuple[str, ...]) -> list[list[Any]]:
-    """Functions of the parameters: coefficients of the surfaces that are straight in two states."""
+def _straight(model: Model, pair: tuple[str, ...]) -> list[tuple[Any, list[Any]]]:
+    """Switches and contacts whose surface is straight in two states, with its coefficients by the parameters."""
     states = {s.name: s for s in model.states}
     if not set(pair) <= set(states) or pair[0] == pair[1]:
         return []
     x, y = (states[n] for n in pair)
     found = []
-    for h in (m.surface for m in model.multipliers):
+    for m in model.multipliers:
+        h = m.surface
         if h is None or h.free_symbols - {x, y, *model.parameters} or not h.is_polynomial(x, y):
             continue
         if (poly := sp.Poly(h, x, y)).total_degree() == 1:
-            found.append([numpy_function(model.parameters, poly.coeff_monomial(m)) for m in (x, y, 1)])
+            found.append((m, [numpy_function(model.parameters, poly.coeff_monomial(k)) for k in (x, y, 1)]))
     return found
 
 
@@ -280,5 +328,6 @@ def said_of(solution: Solution, period: float | None) -> str:
     count = sum(e.time >= begin for e in solution.events)
     words.append(f"{count} event{'s' * (count != 1)}")
     if solution.ambiguities:
-        words.append(f"{len(solution.ambiguities)} places from which it is not unique")
+        count = len(solution.ambiguities)
+        words.append(f"{count} place{'s' * (count > 1)} from which it is not unique")
     return ", ".join(words)

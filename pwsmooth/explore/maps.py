@@ -1,4 +1,4 @@
-"""Maps that grow while one watches: orbit diagram, basins, Poincare section.
+"""Maps that grow while one watches: orbit diagram, basins, Poincare section, paths under noise.
 
 Each is a generator of (header, arrays) for the page, in pieces of about 50 ms of work, the first ones spread over the
 whole picture: `sweep.refine` and `refine_basins`, told piece by piece, so that a finished map is that of the package.
@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from ..analysis.sections import LONGEST, poincare_map
 from ..codegen.machine.workers import cores
 from ..definition import checks
+from ..noise.diffusion import Diffusion
 from ..sweep.basins import orbit_diagram, refine_basins
 from ..sweep.measures import Points
 from ..sweep.refining import SweepPlan, make_plan, refine, spread
@@ -26,6 +29,8 @@ _SLICE = 0.05  # s between two pieces
 _STROBES = 5000  # of a section
 _REPEATS = 1e-9  # relative to 1 + abs(x): so nearly a section's last strobes repeat, where it ends
 _COARSEST = 64  # starts that one start stands for at first, along each axis of a basin
+_UNKNOWN = -9  # a start that has no label yet
+_PATHS, _INSTANTS = 20, 601  # of the noise; as many kicks are drawn
 
 
 def _driven(
@@ -156,8 +161,10 @@ def basins(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
     grid = {name: np.linspace(low, high, n).tolist() for name, (low, high) in zip(axes, ranges)}
     rest = {name: value for name, value in x0.items() if name not in axes}
     head = {"kind": "basins", "axes": axes, "ranges": ranges, "cells": n}
-    counts, progress = np.zeros(256, int), _Progress(n * n)
-    for which, labels, attractors in refine_basins(system, grid, start=rest, **options, **strobes):
+    counts, progress, known = np.zeros(256, int), _Progress(n * n), np.full((n, n), _UNKNOWN)
+    order = _borders_first(known)
+    for which, labels, attractors in refine_basins(system, grid, start=rest, order=order, **options, **strobes):
+        known.flat[which] = labels
         column, row = which // n, which % n
         lowest = (column | row) & -(column | row)
         counts += np.bincount(labels + 3, minlength=256)[:256]
@@ -170,6 +177,67 @@ def basins(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
         }  # fmt: skip
 
 
+def _borders_first(known: np.ndarray) -> Iterator[int]:
+    """Starts of a square grid, coarse ones first; those whose surroundings agree, of 5 x 5 coarser ones, last.
+
+    `known` has the labels that were found meanwhile; what is foreseen is written into a copy, and computed later.
+    """
+    n = len(known)
+    step, foreseen, later = _COARSEST, known[::_COARSEST, ::_COARSEST], []
+    yield from _scattered(n, np.ones_like(foreseen, bool), step)
+    while step > 1:
+        coarse = np.where(foreseen == _UNKNOWN, known[::step, ::step], foreseen)
+        least, most = (f(coarse, 5, mode="nearest") for f in (minimum_filter, maximum_filter))
+        step //= 2
+        below = np.arange(len(range(0, n, step))) // 2  # the coarser one that each is beside
+        fine = np.ix_(below, below)
+        new = np.ones((len(below), len(below)), bool)
+        new[::2, ::2] = False
+        agree = ((least == most) & (least != _UNKNOWN))[fine] & new
+        foreseen = np.where(agree | ~new, coarse[fine], _UNKNOWN)
+        later.append((agree, step))
+        yield from _scattered(n, new & ~agree, step)
+    for agree, step in later:
+        yield from _scattered(n, agree, step)
+
+
+def _scattered(n: int, chosen: np.ndarray, step: int) -> list[int]:
+    """Numbers in the whole grid of the chosen places of a coarser one, so that any part of them is all over it."""
+    rows, columns = np.nonzero(chosen)
+    numbers = rows * step * n + columns * step
+    return numbers[spread(numbers.shape)].tolist()
+
+
+def noise(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
+    """Paths of the state under its noise, one after the other: the numbers 0, 1, ... of a seed."""
+    if subject.noise is None:
+        raise ValueError("no noise was given: explore(..., noise=Kicks(...)).")
+    p, x0, span = state_of(subject, asked)
+    names = [str(n) for n in checks.several(asked.get("names", ()), "`names`")]
+    seed = checks.exact_integer(asked.get("seed", 0), "`seed`")
+    times, progress = _instants(subject.noise, span), _Progress(_PATHS)
+    for k in range(_PATHS):
+        run = subject.scene.solve(
+            span, x0, parameters=p, noise=replace(subject.noise, seed=seed, trajectory=k), t_eval=times,
+            max_steps=LIMITS["steps"], max_seconds=LIMITS["seconds"] * 10,
+        )  # fmt: skip
+        values = np.full((len(names), len(times)), np.nan)
+        values[:, : len(run.t)] = [run[n] for n in names]
+        yield {"kind": "noise", "names": names, "seed": seed} | progress.told(1), {"t": times, "values": values}
+
+
+def _instants(noise: Any, span: tuple[float, float]) -> np.ndarray:
+    """Times at which paths are drawn: even ones, and both sides of kicks, or multiples of a diffusion's step."""
+    times = np.linspace(*span, _INSTANTS)
+    if isinstance(noise, Diffusion):  # where its path is given
+        times = noise.step * np.unique(np.rint(times / noise.step))
+    else:
+        kicks = noise.every * np.unique(np.rint(times / noise.every))
+        beside = (kicks + side * 1e-6 * noise.every for side in (-1, 1))
+        times = np.unique(np.concatenate([times, *beside]))
+    return times[(times >= span[0]) & (times <= span[1])]
+
+
 def _told(orbit: Any, cells: int) -> dict[str, Any]:
     return {
         "period": orbit.map.count, "time": float(orbit.period), "x": [float(v) for v in orbit.x], "cells": cells,
@@ -177,4 +245,4 @@ def _told(orbit: Any, cells: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-JOBS = {"diagram": diagram, "basins": basins, "section": section}
+JOBS = {"diagram": diagram, "basins": basins, "section": section, "noise": noise}

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 import importlib.util
+import json
 import re
 import sys
 import webbrowser
@@ -19,8 +21,9 @@ from .code import figure, script
 from .describe import describe
 from .export import standalone
 from .live import state_of
-from .presets import PRESETS, preset_of, subject_of_preset, with_preset, with_ranges
-from .subject import USUAL, Subject, named_subject, subject_of, subject_of_study
+from .presets import PRESETS, as_asked, preset_of, subject_of_preset, with_preset, with_ranges
+from .processes import SHOWN
+from .subject import USUAL, Made, Subject, named_subject, subject_of, subject_of_study
 
 __all__ = ["explore"]
 
@@ -41,40 +44,44 @@ class Explorer:
 
     @property
     def state(self) -> dict[str, Any]:
-        """Parameters `p`, start `x0` and `t_span` that the page shows, as names and numbers."""
+        """Parameters `p`, start `x0` and `t_span` that the page shows, as names and numbers, with its law and view."""
+        return self._now()[1]
+
+    def _now(self) -> tuple[Subject, dict[str, Any]]:
+        """The subject with the law and in the view that the page shows, and that page's state."""
         latest = self._server.state if self._server is not None else {}
-        known = describe(self.subject)
-        shown = {k: known[k] for k in ("names", "phase", "characteristic")}
-        shown["switch"] = next(iter(known["switches"]), "")
-        asked = {
-            **shown,
-            **self._state,
-            **{k: latest[k] for k in ("p", "x0", "t_span", "names", "phase") if k in latest},
-        }
-        p, x0, span = state_of(self.subject, asked)
-        return {**asked, "p": p, "x0": x0, "t_span": span}
+        asked = {**self._state, **{k: latest[k] for k in SHOWN if k in latest}}
+        subject = as_asked(self.subject, asked)
+        known = describe(subject)
+        own = {k: known[k] for k in ("names", "phase", "characteristic")}
+        own["switch"] = next(iter(known["switches"]), "")
+        p, x0, span = state_of(subject, asked)
+        return subject, {**own, **asked, "p": p, "x0": x0, "t_span": span}
 
     @property
     def solution(self) -> Solution:
         """The orbit of that state."""
-        state = self.state
-        return self.subject.solve(state["t_span"], state["x0"], state["p"])
+        subject, state = self._now()
+        return subject.solve(state["t_span"], state["x0"], state["p"])
 
     def code(self, view: str = "time") -> str:
         """A script that gives the same numbers, with the plot of a view."""
-        return script(self.subject, {**self.state, "for": view})
+        subject, state = self._now()
+        return script(subject, {**state, "for": view})
 
     def save(self, path: Any, view: str = "time") -> None:
         """A figure of a view of the state, in the house style: PNG, PDF or SVG, as the name ends."""
         path = checks.path(path, "`path`")
         ending = path.suffix.removeprefix(".").lower()
-        write_whole(path, figure(self.subject, {**self.state, "for": view, "format": ending}))
+        subject, state = self._now()
+        write_whole(path, figure(subject, {**state, "for": view, "format": ending}))
 
     def export(self, path: Any, over: Mapping[Any, Any], *, views: Any = None, diagram: bool = False) -> None:
         """One HTML file without Python: a slider over these values of a parameter, with the state's other numbers."""
         path = checks.path(path, "`path`")
-        state = {k: v for k, v in self.state.items() if k in ("p", "x0", "t_span")}
-        text = standalone(self.subject, over, views=views, diagram=diagram, state=state)
+        subject, now = self._now()
+        state = {k: v for k, v in now.items() if k in ("p", "x0", "t_span")}
+        text = standalone(subject, over, views=views, diagram=diagram, state=state)
         write_whole(path, text.encode())
 
     def open(self) -> str:
@@ -104,6 +111,7 @@ def explore(
     ranges: Mapping[Any, Sequence[float]] | None = None,
     views: Sequence[str] | None = None,
     preset: str | None = None,
+    noise: Any = None,
     show: bool = True,
 ) -> Any:
     """Open a page on which the system answers while a slider moves; Ctrl-C ends it.
@@ -121,10 +129,12 @@ def explore(
     ranges : mapping of parameter to (float, float), optional
         Ends of sliders, in the units of the parameters.
     views : sequence of str, optional
-        Of "time", "phase", "characteristic", "layer", "diagram", "basins", "section", "mechanism"; by default all that
-        the system has.
+        Of "time", "phase", "characteristic", "layer", "diagram", "basins", "section", "mechanism", "noise"; by default
+        all that the system has.
     preset : str, optional
         A state of a scene that is worth a look; `pwsmooth explore --list` lists them.
+    noise : Kicks or Diffusion, optional
+        With it paths under noise are a view.
     show : bool
         Whether a page, or in a notebook a widget, is opened.
 
@@ -155,7 +165,9 @@ def explore(
     ('stick (sgn(v) sliding)', True)
     """
     show = checks.flag(show, "`show`")
-    subject = subject_of(system_or_scene, x0, t_span=t_span, period=period, ranges=ranges, views=views)
+    subject = subject_of(
+        system_or_scene, x0, t_span=t_span, period=period, ranges=ranges, views=views, noise=noise
+    )
     subject = with_ranges(subject, subject.name.partition(",")[0].replace(" ", "_"))
     if preset is not None:
         subject = with_preset(subject, preset_of(checks.name(preset, "`preset`")))
@@ -201,11 +213,24 @@ def listing() -> str:
 
     lines = ["scenes"]
     for name in known_scenes():
-        law = USUAL.get(name, ("HiddenStatic", {}))[0]
+        law = USUAL.get(name, Made()).law
         lines.append(f"    {name}" + (f"  --law {law}" if law else ""))
     lines.append("presets")
-    lines += [f"    {name:<12} {preset.said} ({preset.scene})" for name, preset in PRESETS.items()]
+    lines += [f"    {name:<17} {preset.said}" for name, preset in PRESETS.items()]
     return "\n".join(lines)
+
+
+def stated(subject: Subject, state: str) -> Subject:
+    """The subject in the state of a link; ValueError where it has no such names."""
+    try:
+        asked = json.loads(base64.urlsafe_b64decode(state + "=" * (-len(state) % 4)))
+    except ValueError:  # also of text that is no UTF-8
+        asked = None
+    if not isinstance(asked, dict):
+        raise ValueError("`--state` is no state; give what `Copy link` shows.")
+    subject = as_asked(subject, asked)
+    p, x0, span = state_of(subject, asked)
+    return replace(subject, system=subject.system.with_parameters(p), start=x0, t_span=span)
 
 
 def command(
@@ -217,6 +242,7 @@ def command(
     browser: bool,
     allow_code: bool,
     say: Any,
+    read_only: bool = False,
 ) -> None:
     """What `pwsmooth explore` does."""
     need_websockets()
@@ -235,5 +261,7 @@ def command(
     if state and not re.fullmatch(r"[A-Za-z0-9_-]{1,12000}", state):
         raise ValueError("`--state` is no state; give what `Copy link` shows.")
     given = f"--preset {preset}" if preset else what + (f" --law {law}" if law else "")
+    if read_only:  # what the page sends does not count: the state is applied here
+        subject = replace(stated(subject, state) if state else subject, read_only=True)
     subject = replace(subject, command=f"pwsmooth explore {given}")
     serve(Explorer(subject), port, browser, say, f"&s={state}" if state else "")

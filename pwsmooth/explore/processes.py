@@ -20,7 +20,9 @@ from .frames import pack
 from .subject import Subject
 
 _GRACE = 2.0  # a process that is so many limits late is ended
-_OF_MAPS = ("diagram", "basins", "section", "figure", "stop")
+_OF_MAPS = ("diagram", "basins", "section", "noise", "figure", "stop")
+_STATE = ("p", "x0", "t_span", "law", "values")  # what a page that looks only does not choose
+SHOWN = (*_STATE, "view", "names", "phase")  # of a page's state, what its owner asks for
 
 
 class Process:
@@ -62,7 +64,8 @@ class Workers:
 
     def __init__(self, subject: Subject, heard: Callable[[bytes], None]) -> None:
         self.subject, self.heard = subject, heard
-        self.ready, self.view, self.over = False, "", False
+        self.ready, self.over = False, False
+        self.view: Mapping[str, Any] = {}  # the message that asked for another one
         self.state: dict[str, Any] = {}  # the last that was asked for
         self.maps: Process | None = None
         self._lock = threading.Lock()
@@ -79,18 +82,20 @@ class Workers:
             if self.maps is None and not self.over:
                 self.maps = Process(worker.maps, self.subject, self.heard)
                 if self.view:
-                    self.maps.send({"kind": "view", "view": self.view}, awaited=False)
+                    self.maps.send(self.view, awaited=False)
             return self.maps
 
     def message(self, message: Mapping[str, Any]) -> None:
         """Hand what a page says to the process that answers it."""
+        if self.subject.read_only:
+            message = {key: value for key, value in message.items() if key not in _STATE}
         kind = message.get("kind")
         if kind in _OF_MAPS:
             if (maps := self._start_maps()) is not None:
                 maps.send(message, awaited=False)
             return
         if kind == "view":
-            self.view = str(message.get("view", ""))
+            self.view = message
             if self.maps is not None:
                 self.maps.send(message, awaited=False)
         elif kind == "orbit":
@@ -103,7 +108,7 @@ class Workers:
         dead = not self.live.process.is_alive()
         if self.over or not (dead or (self.ready and asked is not None and time.monotonic() - asked > limit)):
             return
-        old, self.ready, self.view = self.live, False, ""
+        old, self.ready, self.view = self.live, False, {}
         old.end()
         why = "ended by itself" if dead else f"did not answer within {limit:g} s, the limit of a picture,"
         said = f"The process of the sliders {why} and was started anew; take a shorter span."

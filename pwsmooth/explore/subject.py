@@ -12,41 +12,59 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from .. import scenes
 from ..definition import checks
 from ..definition.lambdified import numpy_function
+from ..noise.diffusion import Diffusion
+from ..noise.kicks import Kicks
 from ..results.solution import Solution
 from ..scenes.scene import Scene
-from ..sweep.study import Names, Study, StudyError, SystemTable, law_of, read_study, system_of
+from ..sweep.study import Names, Study, StudyError, SystemTable, known_laws, law_of, read_study, system_of
 
 _T = sp.Symbol("t", real=True)
 _SIN, _COS = sp.sin(_T), sp.cos(_T)
 
-#: Law of a scene and its other arguments where the command names none.
-USUAL: dict[str, tuple[str | None, dict[str, Any]]] = {
-    "free_impact": ("HuntCrossley", {}),
-    "falling_ball": ("HuntCrossley", {}),
-    "impact_oscillator": ("KelvinVoigt", {}),
-    "pressed_block": ("KelvinVoigt", {"force": _SIN, "t_span": (0.0, 30.0)}),
-    "slider_crank": (None, {}),
-    "spinning_disc": ("LimitEllipsoid", {}),
-    "gripped_bar": ("LimitEllipsoid", {"grip": 100 - _T}),
-    "billiard_ball": ("Coulomb", {}),
-    "incline": ("Coulomb", {}),
-    "bristle_bot": ("Coulomb", {}),
-    "block_on_belt": ("StribeckFriction", {}),
-    "force_driven": ("LuGre", {"force": 1.2 * _SIN, "t_span": (0.0, 30.0), "period": 2 * math.pi}),
-    "prescribed_motion": (
-        "Dahl",
-        {"law.sigma0": 20.0, "position": _SIN, "t_span": (0.0, 20.0), "period": 2 * math.pi},
+
+@dataclass(frozen=True)
+class Made:
+    """What a scene of the package is made of: its law by name, the values of that, and its other arguments."""
+
+    law: str | None = "HiddenStatic"
+    values: Mapping[str, Any] = field(default_factory=dict)
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+    scene: str = ""
+
+
+def made(law: str | None, **arguments: Any) -> Made:
+    """Of a law at its defaults."""
+    return Made(law, {}, arguments)
+
+
+#: What scenes are made of where the command names no law.
+USUAL: dict[str, Made] = {
+    "free_impact": made("HuntCrossley"),
+    "falling_ball": made("HuntCrossley"),
+    "impact_oscillator": made("KelvinVoigt"),
+    "pressed_block": made("KelvinVoigt", force=_SIN, t_span=(0.0, 30.0)),
+    "slider_crank": made(None),
+    "spinning_disc": made("LimitEllipsoid"),
+    "gripped_bar": made("LimitEllipsoid", grip=100 - _T),
+    "billiard_ball": made("Coulomb"),
+    "incline": made("Coulomb"),
+    "bristle_bot": made("Coulomb"),
+    "block_on_belt": made("StribeckFriction"),
+    "force_driven": made("LuGre", force=1.2 * _SIN, t_span=(0.0, 30.0), period=2 * math.pi),
+    "prescribed_motion": Made(
+        "Dahl", {"sigma0": 20.0}, {"position": _SIN, "t_span": (0.0, 20.0), "period": 2 * math.pi}
     ),
-    "shaken_plate": ("Coulomb", {"plate": (_SIN, 0), "lift": _COS, "period": 2 * math.pi}),
-    "planar_oscillator": ("Coulomb", {"force": (2 * _SIN, _COS), "t_span": (0.0, 30.0), "period": 2 * math.pi}),
-    "pulled_block": ("Coulomb", {"path": (_T, 0), "plate": (0, _SIN), "start": (-1.0, 0.5)}),
-    "stacked_plates": ("Coulomb", {"force": (_T, 0)}),
+    "shaken_plate": made("Coulomb", plate=(_SIN, 0), lift=_COS, period=2 * math.pi),
+    "planar_oscillator": made("Coulomb", force=(2 * _SIN, _COS), t_span=(0.0, 30.0), period=2 * math.pi),
+    "pulled_block": made("Coulomb", path=(_T, 0), plate=(0, _SIN), start=(-1.0, 0.5)),
+    "stacked_plates": made("Coulomb", force=(_T, 0)),
 }
 
 
-VIEWS = ("time", "mechanism", "phase", "characteristic", "layer", "diagram", "basins", "section")
+VIEWS = ("time", "mechanism", "phase", "characteristic", "layer", "diagram", "basins", "section", "noise")
 
 
 @dataclass(frozen=True)
@@ -67,6 +85,23 @@ class Subject:
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     views: tuple[str, ...] = ()
     command: str = ""  # that opens the same on another machine
+    made: Made | None = None  # of a scene of the package, whose law can be another one
+    names: tuple[str, ...] = ()  # of the first time series
+    phase: tuple[str, ...] = ()  # of the first phase plane
+    eps: float = 1e-2  # of the smoothed view
+    noise: Any = None  # Kicks or Diffusion
+    read_only: bool = False  # the page looks, and changes nothing
+
+    @cached_property
+    def moving(self) -> tuple[str, ...]:
+        """States of the mechanism, which another law of its scene leaves as they are."""
+        mine = law_of(self.made.law) if self.made and self.made.law else None
+        if self.made is None or mine is None or mine.spins:  # laws that spin have no states
+            return tuple(self.start)
+        bare = "Hertz" if "contact" in mine.__module__ else "Coulomb"
+        return tuple(
+            s.name for s in named_subject(self.made.scene, bare, {}, self.made.arguments).system.states
+        )
 
     @cached_property
     def scene(self) -> Scene:
@@ -94,12 +129,15 @@ class Subject:
         return lambda *values: made(*map(np.float64, values))
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name not in ("_period", "scene")}
+        return {
+            name: value for name, value in self.__dict__.items() if name not in ("_period", "scene", "moving")
+        }
 
 
 def subject_of(
-    what: Any, x0: Any = None, *, t_span: Any = None, period: Any = None, ranges: Any = None, views: Any = None
-) -> Subject:
+    what: Any, x0: Any = None, *, t_span: Any = None, period: Any = None, ranges: Any = None, views: Any = None,
+    noise: Any = None,
+) -> Subject:  # fmt: skip
     """The subject of a System or a scene; ValueError or TypeError for what cannot be explored."""
     subject = _of_scene(what) if isinstance(what, Scene) else _of_system(what, x0, t_span)
     if isinstance(what, Scene) and x0 is not None:
@@ -114,7 +152,12 @@ def subject_of(
     for name in given:
         checks.lookup(name, subject.system.parameters, "`ranges`", "parameter")
     named = () if views is None else checks.several(views, "`views`")
-    return replace(subject, ranges=given, views=tuple(checks.one_of(*VIEWS)(v, "`views`") for v in named))
+    noise = checks.optional(checks.instance((Kicks, Diffusion), "Kicks(...) or Diffusion(...)"))(
+        noise, "`noise`"
+    )
+    return replace(
+        subject, ranges=given, views=tuple(checks.one_of(*VIEWS)(v, "`views`") for v in named), noise=noise
+    )
 
 
 def _of_system(system: Any, x0: Any, t_span: Any) -> Subject:
@@ -164,8 +207,9 @@ def _expressions(system: Any) -> sp.Tuple:
 
 
 def named_subject(
-    scene: str, law: str | None = None, values: Mapping[str, float] | None = None, *, folder: Path | None = None
-) -> Subject:
+    scene: str, law: str | None = None, values: Mapping[str, Any] | None = None, arguments: Any = None,
+    *, folder: Path | None = None,
+) -> Subject:  # fmt: skip
     """The subject of a scene's name, with a law's, or of 'file.py:name' in `folder`, which is run."""
     if ".py:" in scene:
         what = Names(folder=folder or Path(".")).get(scene, "what is explored")
@@ -176,32 +220,71 @@ def named_subject(
                 "Scene(name, system, start, t_span), or call pwsmooth.explore(system, x0, t_span=...)."
             )
         return _of_scene(what)
-    usual, arguments = USUAL.get(scene, ("HiddenStatic", {}))
-    chosen = law or usual
-    values = {k[4:]: v for k, v in arguments.items() if k.startswith("law.") and not law} | dict(values or {})
-    arguments = {k: v for k, v in arguments.items() if not k.startswith("law.")}
+    usual = USUAL.get(scene, Made())
+    chosen = law or usual.law
+    values = dict({} if law else usual.values) | dict(values or {})
+    arguments = dict(usual.arguments if arguments is None else arguments)
     if scene == "stacked_plates":
         arguments["ground"] = law_of("Coulomb")()
     table = SystemTable(scene=scene, law=chosen, law_parameters=values, arguments=arguments)
     found = system_of(table, Names())
-    return _of_scene(found, law_of(chosen) if chosen else None, _lines(scene, chosen, values, arguments))
+    subject = _of_scene(found, law_of(chosen) if chosen else None, _lines(scene, chosen, values, arguments))
+    return replace(subject, made=Made(chosen, values, arguments, scene))
+
+
+def with_law(subject: Subject, law: str, values: Mapping[str, Any] | None = None) -> Subject:
+    """The subject's scene with another law, or other values of that shape it; start, span and words are kept.
+
+    ValueError where the law does not fit, in its own words.
+    """
+    if subject.made is None or subject.made.law is None:
+        raise ValueError(f"{subject.name} is no scene of the package with one law, so that it has no other.")
+    law = checks.one_of(*laws_for(subject))(law, "`law`")
+    own = subject.made.values if law == subject.made.law else {}
+    again = named_subject(subject.made.scene, law, {**own, **(values or {})}, subject.made.arguments)
+    known = {s.name for s in again.system.states} | {str(name) for name, _ in again.system.model.outputs}
+    start = {n: v for n, v in subject.start.items() if n in again.start and n in subject.moving}
+    return replace(
+        subject, name=again.name, system=again.system, start=again.start | start, units=again.units, atol=again.atol,
+        meanings=again.meanings, note=again.note, code=again.code, sketch=again.sketch, made=again.made,
+        ranges={n: r for n, r in subject.ranges.items() if n in {p.name for p in again.system.parameters}},
+        names=tuple(n for n in subject.names if n in known),
+        phase=subject.phase if set(subject.phase) <= known else (),
+    )  # fmt: skip
+
+
+def laws_for(subject: Subject) -> list[str]:
+    """The laws that fit where the subject has its own: of friction or of contact, with a form along its velocity."""
+    if subject.made is None or subject.made.law is None:
+        return []
+    mine = law_of(subject.made.law)
+    planar = ".planar" in getattr(scenes, subject.made.scene).__module__
+    same = ".".join(mine.__module__.split(".")[:3]) + "."
+    return [
+        name
+        for name, law in known_laws().items()
+        if law.__module__.startswith(same) and law.spins == mine.spins and (law.in_plane or not planar)
+    ]
 
 
 def _lines(
-    scene: str, law: str | None, values: Mapping[str, float], arguments: Mapping[str, Any]
+    scene: str, law: str | None, values: Mapping[str, Any], arguments: Mapping[str, Any]
 ) -> tuple[str, ...]:
     """Python that makes `scene`."""
     given = [] if law is None else [f"{law}({', '.join(f'{k}={v!r}' for k, v in values.items())})"]
     given += [f"{name}={value}" for name, value in arguments.items()]
     laws = ([law] if law else []) + [type(v).__name__ for v in arguments.values() if hasattr(v, "pieces")]
     lines = [f"from {law_of(name).__module__.rpartition('.')[0]} import {name}" for name in dict.fromkeys(laws)]
-    used = {f for f in ("sin", "cos") if any(f"{f}(" in text for text in given)}
+    several = (v if isinstance(v, tuple) else (v,) for v in arguments.values())
+    formulas = sp.Tuple(*(e for group in several for e in group if isinstance(e, sp.Basic)))
+    symbols = sorted(formulas.free_symbols - {_T}, key=str)
+    used = {type(f).__name__ for f in formulas.atoms(sp.Function, sp.Piecewise)}
+    used |= ({"pi"} if formulas.has(sp.pi) else set()) | ({"Symbol"} if symbols else set())
     lines += [f"from sympy import {', '.join(sorted(used))}"] * bool(used)
-    formulas = [v for v in arguments.values() if not hasattr(v, "pieces")]
-    needs_time = any(_T in sp.sympify(v, strict=True).free_symbols for v in formulas)
     return (
         *lines,
-        f"from pwsmooth.scenes import {scene}{', t' * needs_time}",
+        f"from pwsmooth.scenes import {scene}{', t' * (_T in formulas.free_symbols)}",
+        *(f"{s} = Symbol({s.name!r}, positive=True)" for s in symbols),
         f"scene = {scene}({', '.join(given)})",
     )
 

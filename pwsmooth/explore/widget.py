@@ -12,8 +12,9 @@ import threading
 from typing import Any
 
 from .bundle import module, style
-from .processes import Workers
+from .processes import SHOWN, Workers
 
+_WIDE = 1600  # px of the window, of which a notebook's cell is a part
 _RENDER = """
 function render({ model, el }) {
   const root = document.createElement("div");
@@ -46,7 +47,7 @@ def _class() -> Any:
         """What a notebook shows; also an `Explorer`, whose names it has."""
 
         _esm = module() + _RENDER
-        _css = style()
+        _css = style(wide=_WIDE)
 
         def __init__(self, explorer: Any) -> None:
             super().__init__()
@@ -68,9 +69,7 @@ def _class() -> Any:
                 threading.Thread(target=self._watch, args=(self._workers,), daemon=True).start()
             elif self._workers is not None:
                 self._workers.message(content)
-                self.explorer._state.update(
-                    {k: v for k, v in self._workers.state.items() if k in ("p", "x0", "t_span")}
-                )
+                self.explorer._state.update({k: v for k, v in self._workers.state.items() if k in SHOWN})
 
         def _frame(self, frame: bytes) -> None:
             # A comm belongs to the kernel's thread.

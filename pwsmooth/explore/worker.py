@@ -24,7 +24,7 @@ from .subject import Subject
 def live(pipe: Any, subject: Subject) -> None:
     """Answers "orbit", "layer", "sentence", "code" and "view"."""
     from .code import script
-    from .presets import in_view
+    from .presets import as_asked
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server says when it is over
     current = _opened(subject, pipe)
@@ -41,7 +41,7 @@ def live(pipe: Any, subject: Subject) -> None:
             elif kind == "code":
                 header, arrays = {"kind": "code", "text": script(current.subject, message)}, {}
             elif kind == "view":
-                current = _opened(in_view(subject, str(message.get("view", ""))), pipe)
+                current = _opened(as_asked(subject, message), pipe)
                 continue
             else:
                 header, arrays = {"kind": "pong"}, {}
@@ -65,7 +65,7 @@ def _opened(subject: Subject, pipe: Any) -> Any:
 
 
 def maps(pipe: Any, subject: Subject) -> None:
-    """Runs "diagram", "basins" and "section" side by side, a piece of each in turn; all else at once."""
+    """Runs "diagram", "basins", "section" and "noise" side by side, a piece of each in turn; all else at once."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     jobs = _Jobs(pipe, subject)
     try:
@@ -108,7 +108,7 @@ class _Jobs:
         """Begin what is asked for, in the place of what ran of its kind."""
         from .code import figure
         from .maps import JOBS
-        from .presets import in_view
+        from .presets import as_asked
 
         kind, job = str(message.get("kind")), message.get("job", 0)
         try:
@@ -116,7 +116,7 @@ class _Jobs:
                 for ended in [str(message["what"])] if "what" in message else list(self.running):
                     self.end(ended)
             elif kind == "view":
-                self.subject = in_view(self.own, str(message.get("view", "")))
+                self.subject = as_asked(self.own, message)
             elif kind == "figure":
                 picture = np.frombuffer(figure(self.subject, message), np.uint8)
                 self.pipe.send_bytes(
@@ -147,6 +147,8 @@ class _Jobs:
             self.running.pop(kind)[0].close()
 
     def refuse(self, kind: str, job: Any, error: Exception) -> None:
+        if kind == "view":
+            return  # the sliders' process says it
         said = str(error.args[0] if error.args else error)
         self.pipe.send_bytes(pack({"kind": "refused", "why": said, "to": kind, "job": job}))
 

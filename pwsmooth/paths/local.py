@@ -6,130 +6,36 @@ Chain: solve -> event_driven.py, or **this file** where the structure allows it 
 from __future__ import annotations
 
 import functools
-import hashlib
 import math
-import os
 import sys
 import time
 from typing import Any
 
 import numpy as np
 import sympy as sp
-from sympy.solvers.solveset import NonlinearError
 
-from ..codegen.machine.cache import fingerprint
-from ..definition import checks
-from ..definition.model import Held, Model
-from ..definition.recording import Record
-from ..definition.template import LINKED, Families, Level, family_model
+from ..definition.model import Beside
+from ..definition.recording import Recorder
+from ..definition.template import LINKED, Level, family_model
 from ..kernels import state as names
 from ..kernels.local import state as local
 from ..results.assembly import Catalogue, Recorded, StoredLog, Writer
 from ..results.records import AmbiguityLog, Outcome
 from ..results.solution import Solution
 from .budget import SLICE, Budget
+from .checkpoint import Saved
 from .event_driven import order_for
-from .problem import FEW, CompiledProblem, compiled_problem, longest_step, terms
+from .locality import MANY, few_elements, few_of, walls
+from .problem import FEW, longest_step, terms
 from .words import ambiguities_in_words, event_words
 
-LOCAL_FROM = 100  # elements: of fewer one loop over all is as fast
 _SHARE = 0.1  # of the tolerances, by which the rim of a patch may change
 _FIRST_ROOM = 256  # members and places of a patch
 _LEAN = 100_000  # elements, of more of which rows are short
 _FIRST_LOG = 2**14  # events
 _FLUSHED = 2**18  # events in the kernel's buffers, from which on they are given up to the log
-MANY = 1000  # elements, of more of which a run that is asked for no times keeps the ends alone
 _COLUMNS = 201  # of a run of fewer that is asked for none
 _EMPTY = np.zeros(0, np.int64)
-
-
-def why_global(model: Model) -> str:
-    """What makes every event of a model one of the whole system; "" where it is one of a neighbourhood."""
-    families = model.families
-    if families is None:
-        return "its elements are written out"
-    template = families.template
-    text = template.model
-    if len(families.sizes) != 1:
-        return "it has several families"
-    moving = [*text.rhs]
-    for holder in (*text.multipliers, *text.events):
-        moving += [e for e in (holder.surface, getattr(holder, "residual", None)) if e is not None]
-    for event in text.events:
-        moving += [e for _, e in event.update] + ([event.when] if isinstance(event.when, sp.Basic) else [])
-    used = set().union(*(e.free_symbols for e in moving))
-    if used & {s for s, _, _ in template.sums}:
-        return "a sum over the elements acts on them"
-    for kind in ("states", "events"):
-        if None in template.families(kind):
-            return f"some of its {kind} belong to no element"
-    for mu, family in zip(text.multipliers, template.families("multipliers"), strict=True):
-        known = {text.time, *text.parameters}
-        if family is None and not (mu.kind == "switch" and mu.surface.free_symbols <= known):
-            return f"multiplier {mu.symbol} belongs to no element and does not switch at known times"
-    if any(e.every is not None or e.at for e in text.events):
-        return "it has events at given times"
-    states = set(text.states)
-    read = {p.base for s, p in template.places if p.base is not None and p.offset}
-    if read - states - set(text.parameters):
-        return "elements read the multipliers of others"
-    return _why_not_by_series(_small(template))
-
-
-def _why_not_by_series(parts: CompiledProblem) -> str:
-    if not parts.has_jets or parts.singular:
-        return "some function has no Taylor series everywhere"
-    fixed = parts.fixed
-    if fixed["watches"]:
-        return "some function has a singular argument"
-    if (
-        parts.fold is not None
-        or fixed["discs"]
-        or len(fixed["contact"])
-        or np.any(parts.kind == names.SECOND_ORDER)
-    ):
-        return "its switches have folds, contacts or slides of second order"
-    return ""
-
-
-def _small_families(template: Any) -> Families:
-    """A few elements: what is known of one of them holds for any number."""
-    return Families(template, (FEW,))
-
-
-@functools.lru_cache(maxsize=16)
-def _small(template: Any) -> CompiledProblem:
-    return compiled_problem(family_model(_small_families(template)))
-
-
-def runs_locally(
-    model: Model, options: Any, times: Any, asked: bool | None, noisy: bool, derived: bool
-) -> bool:
-    """Whether a run goes by neighbourhoods; `asked` forces it, if it can.
-
-    Raises
-    ------
-    ValueError
-        Asked for where it cannot be.
-    """
-    asked = asked if asked is None else checks.flag(asked, "`local`")
-    if asked is False or (asked is None and model.families is None):
-        return False
-    small = model.families is not None and sum(model.families.sizes) < (
-        LOCAL_FROM if times is not None else MANY + 1
-    )
-    if asked is None and small:
-        return False
-    kept = "`dense_output`" if options.dense else "`noise`" if noisy else "`with_respect_to`" if derived else ""
-    if kept:
-        reason = f"{kept} is given, which takes the whole system"
-    elif options.method not in ("auto", "taylor"):
-        reason = f"method {options.method!r} steps the whole system"
-    else:
-        reason = why_global(model)
-    if asked and reason:
-        raise ValueError(f"`local` is True, but {reason}; leave `local` out.")
-    return not reason
 
 
 def run_locally(
@@ -139,7 +45,7 @@ def run_locally(
     start: Any,
     times: Any,
     options: Any,
-    record: Record | None,
+    record: Recorder | None,
     spending: Budget,
 ) -> Solution:
     """The Solution of one run, every event of which renews the elements that it reaches."""
@@ -161,15 +67,15 @@ class _Run:
         families = self.model.families
         self.n = families.sizes[0]
         self.template = families.template
-        self.parts = _small(self.template)
-        self.code = PatchCode(family_model(_small_families(self.template)))
+        self.parts = few_elements(self.template)
+        self.code = PatchCode(family_model(few_of(self.template)))
         self.loop = local_loop()
         text = self.template.model
         self.ns, self.nm, self.ne = len(text.states), len(text.multipliers), len(text.events)
         self.width = terms(self.order)
         self._layout()
         # Numbers of a block of the few elements: their first one.
-        starts = _small_families(self.template).starts
+        starts = few_of(self.template).starts
         self.m_at = np.array(starts("multipliers")[:-1], np.int64)
         self.e_at = np.array(starts("events")[:-1], np.int64)
 
@@ -240,7 +146,9 @@ class _Run:
         sizes = dict(ns=self.ns, nm=nm, ne=ne, nx=len(read), np=len(self.p_fixed))
         return local.Kind.zeros(
             sizes, ns=self.ns, nm=nm, ne=ne, np=len(self.own_parameters), nr=len(self.code.offsets),
-            walls=int(_walls(self.template)), read=np.array(read, np.int64),
+            target=np.array(sorted({self.code.offsets.index(b.offset) for e in self.template.model.events
+                                    for b, _ in e.update if isinstance(b, Beside)}), np.int64),
+            walls=int(walls(self.template)), read=np.array(read, np.int64),
             s_fixed=np.cumsum([0, *~own])[:-1], s_blocks=np.cumsum([0, *own])[:-1], s_own=own.astype(np.int64),
             s_first=np.array(first, np.int64), fixed_m=self.fixed_m, blocks_m=self.blocks_m,
             kind=self.parts.kind[of_m], hidden=fixed["hidden"][of_m], slope_moves=fixed["slope_moves"][of_m],
@@ -411,7 +319,7 @@ class _Run:
             A.p[:, a] = values[blocks[b] : blocks[b + 1]]
 
     def solve(
-        self, t0: float, t1: float, start: Any, times: Any, record: Record | None, spending: Budget
+        self, t0: float, t1: float, start: Any, times: Any, record: Recorder | None, spending: Budget
     ) -> Solution:
         self.atol = np.broadcast_to(self.options.atol, self.n * self.ns)
         ends = np.array([t0, t1])
@@ -428,15 +336,18 @@ class _Run:
         text = self.template.model
         self.names = [str(s) for s in text.states]
         self.log = Writer(record and record.events, [n.replace("[]", "") for n in self.names])
-        saved = Saved(self, t0, ends, start) if record and record.checkpoint else None
+        saved = Saved(self, ends, start) if record and record.checkpoint else None
         if saved:
             saved.load()
         code = self._advance(spending, saved)
+        if code in (Outcome.TIME_LIMIT, Outcome.TOO_MANY_STEPS):
+            self.A.halts = 1  # the states where it is now
+            self.loop(self.A, self.P, self.C, self.S, self.R, self.W)
         if saved and code == Outcome.FINISHED:
             saved.remove()
         return self._solution(Outcome(code), ends if self.only_ends else asked, asked, kept)
 
-    def _elements(self, record: Record | None) -> np.ndarray:
+    def _elements(self, record: Recorder | None) -> np.ndarray:
         """Numbers 0, ..., n - 1 of those that are kept."""
         wanted = np.array(record.elements if record and record.elements else (), np.int64)
         if len(wanted) and np.abs(wanted).max() > self.n:
@@ -526,6 +437,11 @@ class _Run:
         else:
             times = times[:reached]
             parts = [part[:reached] for part in (A.x_asked, A.mult_asked, A.status_asked)]
+            if outcome is not Outcome.FINISHED and not (reached and times[-1] == A.t):
+                # Where and in which state it stopped is the most wanted column of a run that did.
+                times = np.append(times, A.t)
+                ends = A.x, A.mult, A.status
+                parts = [np.concatenate([part, end[None]]) for part, end in zip(parts, ends, strict=True)]
         own = [f is not None for f in self.template.families("multipliers")]
         x, mult, status = map(self._rows, parts, ([True] * self.ns, own, own))
         ambiguities = A.ambiguities
@@ -586,88 +502,12 @@ class _Run:
         """Of some elements, a row each: lambda + q lambda^3 = peak sigma on the branch between the folds, by the triple
         angle."""
         q, peak = (self._of_parameters(e)[elements, None] for e in (level.q, level.peak))
-        fold = np.sqrt(-1 / (3 * q))
-        share = np.clip(1.5 * peak * sigma / fold, -1.0, 1.0)
-        return np.where(status == names.SOLVED, 2 * fold * np.sin(np.arcsin(share) / 3), sigma)
-
-
-class Saved:
-    """A checkpoint: all that a run carries from call to call, in one file that is replaced as a whole."""
-
-    def __init__(self, run: _Run, t0: float, ends: np.ndarray, start: Any):
-        self.run, self.path, self.every = run, run.record.checkpoint, run.record.checkpoint_every
-        told = repr((ends.tolist(), run.options, run.order, run.n, run.A.asked.tolist(), run.A.keeps.max()))
-        content = (
-            told.encode() + np.array(start, float).tobytes() + np.array(run.system.parameter_values).tobytes()
-        )
-        content += fingerprint(run.template).encode()
-        self.mark = hashlib.sha256(content).hexdigest()
-
-    def _parts(self) -> Any:
-        A = self.run.A
-        static = {
-            "near",
-            "reader_first",
-            "reader",
-            "p",
-            "shift",
-            "asked",
-            "slip_share",
-            "keeps",
-            "number",
-            "cell",
-        }
-        for name, bundle in (("", A), ("queue.", A.queue), ("patch.", A.patch)):
-            for key, member in type(bundle).members.items():
-                if hasattr(member, "cells"):
-                    yield name + key, bundle, key, False
-                elif hasattr(member, "rank") and key not in static:
-                    yield name + key, bundle, key, True
-
-    def write(self) -> None:
-        run = self.run
-        kept = {name: np.asarray(getattr(bundle, key)) for name, bundle, key, _ in self._parts()}
-        for name, part in zip(("x", "mult", "status"), run.initial or (), strict=False):
-            kept[f"initial.{name}"] = part
-        beside = self.path.with_name(self.path.name + ".new")
-        with open(beside, "wb") as stream:
-            np.savez(stream, mark=np.array(self.mark), rows=np.array(run.log.rows), **kept)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(beside, self.path)
-
-    def load(self) -> None:
-        """Where the run was, if it was saved.
-
-        Raises
-        ------
-        ValueError
-            The file is of another run.
-        """
-        if not self.path.exists():
-            return
-        run = self.run
-        with np.load(self.path) as kept:
-            if str(kept["mark"]) != self.mark:
-                raise ValueError(
-                    f"`checkpoint` {str(self.path)!r} is of another run: system, values, start, times or options "
-                    "differ; remove it, or give another name."
-                )
-            for name, bundle, key, is_array in self._parts():
-                if not is_array:
-                    setattr(bundle, key, kept[name][()])
-                elif kept[name].shape == getattr(bundle, key).shape:
-                    getattr(bundle, key)[...] = kept[name]
-                else:
-                    type(bundle).members[key].give(bundle, kept[name])
-            if "initial.x" in kept:
-                run.initial = tuple(kept[f"initial.{name}"] for name in ("x", "mult", "status"))
-            run.log = Writer(run.record.events, run.log.states, int(kept["rows"]))
-        run.A.patch.shaped[:] = -1
-        run.A.patch.most = run.most
-
-    def remove(self) -> None:
-        self.path.unlink(missing_ok=True)
+        size = np.sqrt(1 / (3 * np.maximum(np.abs(q), 1e-300)))
+        share = 1.5 * peak * sigma / size
+        held = 2 * size * np.sin(np.arcsin(np.clip(share, -1.0, 1.0)) / 3)
+        if (q >= 0).any():  # no fold at all
+            held = np.where(q > 0, 2 * size * np.sinh(np.arcsinh(share) / 3), np.where(q < 0, held, sigma))
+        return np.where(status == names.SOLVED, held, sigma)
 
 
 def _blocks(numbers: np.ndarray) -> np.ndarray:
@@ -679,56 +519,3 @@ def _extent(size: str, sizes: dict[str, int]) -> int:
     from ..kernels.machine.block import _product
 
     return sum(_product(term, sizes) for term in size.split("+"))
-
-
-@functools.lru_cache(maxsize=16)
-def _walls(template: Any) -> bool:
-    """Whether what others read of an element that sticks does not depend on its neighbours."""
-    model = template.model
-    sliding = [m for m in model.multipliers if m.kind == "switch" and m.regularity == "sliding"]
-    if not sliding:
-        return False
-    beside = {s for s, p in template.places if p.base is not None and p.offset}
-    solved = [m for m in model.multipliers if m.kind == "algebraic" or m in sliding]
-    unknowns = [m.symbol for m in solved]
-    # Solved multipliers are held; what is chosen may be any mixture.
-    whole = [
-        e.replace(Held, lambda lam, apart, held: held) for e in (*model.rhs, *(m.residual for m in solved))
-    ]
-    chosen = {e: sp.Add(*(sp.Dummy() * a for a, _ in e.args)) for r in whole for e in r.atoms(sp.Piecewise)}
-    held = {}  # states that stand where the surfaces are met
-    for h in (m.surface for m in sliding):
-        of = (x for x in model.states if x in h.free_symbols and not h.diff(x).free_symbols & set(model.states))
-        held |= {x: sp.expand(x - h / h.diff(x)) for x in list(of)[:1]}
-    whole = [r.xreplace(chosen).subs(held) for r in whole]
-    rhs, residuals = whole[: len(model.rhs)], whole[len(model.rhs) :]
-    try:
-        linear = sp.linear_eq_to_matrix(residuals, unknowns)
-    except NonlinearError:
-        return False
-    # What depends on what is seen in numbers at a point that has nothing special: formulas take minutes to cancel.
-    symbols = sorted(set().union(*(r.free_symbols for r in (*rhs, *residuals))) - set(unknowns), key=str)
-    solve, rates = sp.lambdify([symbols], linear, "numpy"), sp.lambdify([symbols, unknowns], rhs, "numpy")
-    point = np.random.default_rng(0).uniform(0.5, 1.5, len(symbols))
-
-    def at(place: np.ndarray) -> np.ndarray:
-        matrix, right = solve(place)
-        return np.array(rates(place, np.linalg.solve(matrix, right)[:, 0]), float)
-
-    try:
-        base = at(point)
-        moved = [at(point + 0.1 * unit) for unit in np.eye(len(symbols))]
-    except np.linalg.LinAlgError:
-        return False
-    acts = ~(np.abs(np.array(moved) - base) <= 1e-9 * (1 + np.abs(base)))  # symbol, rate
-    waiting, known = [p.base for _, p in template.places if p.offset and p.base in model.states], set()
-    while waiting:
-        x = waiting.pop()
-        if x in known:
-            continue
-        known.add(x)
-        free = {s for s, row in zip(symbols, acts, strict=True) if row[model.states.index(x)]}
-        if free & beside:
-            return False
-        waiting += [s for s in free if s in model.states]
-    return True

@@ -217,8 +217,12 @@ class Solution(Described):
         if name in self.states:
             return x[self.states.index(name)]
         if name in self._expressions:
-            p = self.parameters
-            p = p.array if isinstance(p, Numbers) else [p[str(s)] for s in self.model.parameters]
+            given = self.parameters
+            p = (
+                given.array.tolist()
+                if isinstance(given, Numbers)
+                else [given[str(s)] for s in self.model.parameters]
+            )
             with np.errstate(all="ignore"):  # branches that are not selected may be undefined there
                 if self.model.families is not None:
                     return outputs.of_family(self.model, name, t, x, mult, p)

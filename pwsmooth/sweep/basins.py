@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -32,6 +32,7 @@ from .refining import SweepPlan, in_chunks, make_plan, ordered
 __all__ = ["FAILED", "UNSETTLED", "Basins", "OrbitDiagram", "basins", "orbit_diagram", "refine_basins"]
 
 _TURNS = 6  # periods or returns between two looks at where a trajectory is
+_SCOUTS = 8  # starts that look for the first attractors
 
 
 @dataclass(frozen=True, repr=False)
@@ -250,7 +251,7 @@ def refine_basins(
     transient: int = 200,
     longest: int = 8,
     tol: float = 1e-5,
-    order: Sequence[int] | None = None,
+    order: Iterable[int] | None = None,
     budget: float | None = None,
     **options: Any,
 ) -> Iterator[tuple[np.ndarray, np.ndarray, list[PeriodicOrbit]]]:
@@ -281,8 +282,9 @@ def refine_basins(
         Longest orbit, in periods or returns, that counts as periodic.
     tol : float, dimensionless
         As of `basins`.
-    order : sequence of int, optional
-        Numbers of the starts to run, the last axis fastest, in this order; by default as of `sweep.refine`.
+    order : iterable of int, optional
+        Numbers of the starts to run, the last axis fastest, in this order; by default as of `sweep.refine`, which says
+        what an iterator is good for.
     budget : float, s, optional
         Of processor time, after which no further chunk begins.
     **options
@@ -328,6 +330,14 @@ def _arrivals(
     search: _Search, planned: SweepPlan, numbers: np.ndarray
 ) -> tuple[np.ndarray, list[PeriodicOrbit]]:
     """Labels of the starts of these numbers, and the attractors so far."""
+    # Where no attractor is known all would run to the end: a few look for the first ones.
+    parts = [numbers] if search.attractors.found else np.split(numbers, [_SCOUTS])
+    labels = [_labels(search, planned, part) for part in parts]
+    return np.concatenate(labels), [known.orbit for known in search.attractors.found]
+
+
+def _labels(search: _Search, planned: SweepPlan, numbers: np.ndarray) -> np.ndarray:
+    """Of the starts of these numbers: which attractor has drawn each of them in."""
     names, attractors = search.names, search.attractors
     plan = replace(planned.plan, kinds=tuple((name, "state") for name in names))
     x = np.tile(np.array(plan.start), (len(numbers), 1))
@@ -361,7 +371,7 @@ def _arrivals(
         rest = replace(plan, transient=plan.transient - done)
         ends = search.read(run_chunk(rest, dict(zip(names, x[rows].T))), search.longest)
         labels[rows], _ = attractors.label(ends, plan.transient, search.lead_on)
-    return labels, [known.orbit for known in attractors.found]
+    return labels
 
 
 @dataclass(frozen=True, repr=False)

@@ -9,10 +9,11 @@ Chain: plan.py, chunk.py -> **refining** -> sweep(), pages that draw while they 
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -214,7 +215,7 @@ def spread(shape: Sequence[int]) -> np.ndarray:
 
 def refine(
     plan: SweepPlan,
-    order: Sequence[int] | None = None,
+    order: Iterable[int] | None = None,
     budget: float | None = None,
     *,
     settle: float | None = 1e-6,
@@ -229,9 +230,10 @@ def refine(
     ----------
     plan : SweepPlan
         Of `make_plan`.
-    order : sequence of int, optional
+    order : iterable of int, optional
         Numbers of the points to run, in this order; by default all of them, so that each chunk spreads over the whole
-        range of every axis (van der Corput's sequence).
+        range of every axis (van der Corput's sequence). Of an iterator no more is taken than a chunk needs: what comes
+        later may follow from what was found.
     budget : float, s, optional
         Of processor time, after which no further chunk begins.
     settle : float, dimensionless, optional
@@ -291,8 +293,10 @@ def refine(
     return in_chunks(values, numbers, most, workers, stop)
 
 
-def ordered(plan: SweepPlan, order: Any) -> np.ndarray:
-    """The numbers of an argument `order`."""
+def ordered(plan: SweepPlan, order: Any) -> Iterable[int]:
+    """The numbers of an argument `order`, checked: those of an iterator when they are taken."""
+    if isinstance(order, Iterator):
+        return (checks.whole(k, "`order`", 0, plan.size - 1) for k in order)
     return spread(plan.shape) if order is None else _indices(order, plan.size, "`order`")
 
 
@@ -310,7 +314,7 @@ def _indices(given: Any, size: int, what: str) -> np.ndarray:
 
 def in_chunks(
     work: Callable[[np.ndarray], tuple[Any, ...]],
-    order: np.ndarray,
+    order: Iterable[int],
     budget: float | None,
     workers: int = 1,
     stop: Stop | None = None,
@@ -327,12 +331,13 @@ def in_chunks(
     # In threads of its own: in this one Ctrl-C would be heard only at the end of a chunk.
     pool = ThreadPoolExecutor(workers)
     running: deque[tuple[np.ndarray, Any]] = deque()
-    size, begun, left, wide = _FIRST, 0, math.inf if budget is None else budget, 1
+    size, waiting, left, wide = _FIRST, iter(order), math.inf if budget is None else budget, 1
     try:
         while True:
-            while begun < len(order) and len(running) < wide and left > 0:
-                points = order[begun : begun + size]
-                begun += len(points)
+            while len(running) < wide and left > 0:
+                points = np.fromiter(itertools.islice(waiting, size), np.int64)
+                if not len(points):
+                    break
                 running.append((points, pool.submit(timed, points)))
             if not running:
                 return

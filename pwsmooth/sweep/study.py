@@ -65,7 +65,7 @@ class SystemTable(Table):
     object: str | None = None
     scene: str | None = None
     law: str | None = None
-    law_parameters: dict[str, float] = {}
+    law_parameters: dict[str, Any] = {}
     arguments: dict[str, Any] = {}
     parameters: dict[str, float] = {}
     layered: dict[str, float] | None = None
@@ -264,12 +264,17 @@ def known_scenes() -> dict[str, Any]:
     return {n: f for n in scenes.__all__ if inspect.isfunction(f := getattr(scenes, n)) and n not in _HELPERS}
 
 
-def law_of(name: str) -> Any:
-    """The law of that name, a class; StudyError if there is none."""
+def known_laws() -> dict[str, Any]:
+    """Name -> class of every law of the package."""
     from ..laws import Law, contact, friction
 
     found = {n: getattr(module, n) for module in (friction, contact) for n in module.__all__}
-    known = {n: law for n, law in found.items() if isinstance(law, type) and issubclass(law, Law)}
+    return {n: law for n, law in found.items() if isinstance(law, type) and issubclass(law, Law)}
+
+
+def law_of(name: str) -> Any:
+    """The law of that name, a class; StudyError if there is none."""
+    known = known_laws()
     if name not in known:
         raise StudyError(f"system.law is {name!r}; laws are {', '.join(known)}.")
     return known[name]

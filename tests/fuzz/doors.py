@@ -200,7 +200,13 @@ def subjects():
         ),
         "HiddenTerm": None,
         "explore": dict(
-            system_or_scene=system, x0=start, t_span=(0, 3), period=drive, ranges={k: (1, 2)}, show=False
+            system_or_scene=system,
+            x0=start,
+            t_span=(0, 3),
+            period=drive,
+            ranges={k: (1, 2)},
+            noise=kicks,
+            show=False,
         ),
         "Solution": None,
         "Outcome": None,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sympy as sp
 
-from ...definition.model import Model
+from ...definition.model import Beside, Model
 from ..fields import Source, surfaces
 from ..graph.dag import Graph
 from ..graph.scalar import Writer, write_update
@@ -134,7 +134,14 @@ class FamilyFields:
             # All new values come from the values before, so none is written until all are known.
             code.emit(values)
             for (block, _, adds), node in zip(writes, values, strict=True):
-                body.line(write_update(lay.place("xnew", block, lay.states[block]), code.name(node), adds))
+                offset = block.offset if isinstance(block, Beside) else 0
+                place = lay.place("xnew", int(block), lay.states[block], offset)
+                line = write_update(place, code.name(node), adds)
+                if not offset:
+                    body.line(line)
+                    continue
+                body.line(f"if {lay.is_inside(lay.states[block], offset)}:")
+                body.line(f"    {line}")
             body.lines[mark:mark] = ["        " + line for line in sections.indices(body.lines[mark:])]
             body.line("return 1")
             body.indent = 1

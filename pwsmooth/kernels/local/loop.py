@@ -97,6 +97,8 @@ def _prepare_instant(A, S, W, t):
                 if t - A.begun[i] <= 1e-14 * (1.0 + abs(t)):
                     stalled = max(stalled, A.stalled[i])
     S.stalled = stalled
+    for k in range(E.ns * T.total if len(E.target) > 0 else 0):
+        W.firing.arrived[k] = S.x[k]
     return some
 
 
@@ -110,6 +112,34 @@ def _after_instant(A, S, t):
         for b in range(E.nm + E.ne):
             if A.met[i, b] - t <= AT_ONCE * abs(t):
                 A.stalled[i] = min(S.stalled, 127)
+
+
+@kernel
+def _take_in_targets(A, i):
+    """Takes in the elements that events of element i write; whether one was none of the members."""
+    T, E = A.patch, A.kind
+    count = T.count
+    for c in range(len(E.target)):
+        take_in(A, A.near[i, E.target[c]])
+    return T.count > count
+
+
+@kernel
+def _take_in_written(A, S, W):
+    """Takes in what members whose states have jumped may have written; True if those are more."""
+    T, E = A.patch, A.kind
+    if len(E.target) == 0:
+        return False
+    members, places, some = T.count, T.total, False
+    open_rim(A)
+    for k in range(members):
+        for b in range(E.ns):
+            if S.x[b * places + k] != W.firing.arrived[b * places + k]:
+                some = _take_in_targets(A, T.member[k]) or some
+                break
+    if not some:
+        close_rim(A)
+    return some
 
 
 @kernel
@@ -227,14 +257,22 @@ def _renew(A, P, C, S, R, W, t, stop, why):
             continue
         gather(A, P, C, S, W, t)
         _keep_grazes(A, S, R, t)
+        note_records(A, P, S, R)
+        if C.strict and A.ambiguities > 0:
+            return Outcome.AMBIGUITY
         first = False
         C.t_end = _common_end(A, t, stop)
         S.step = A.length[T.member[0]] if A.alone != 0 else C.t_end - t
         code = GO_ON
         if not settled and _prepare_instant(A, S, W, t):
+            # What holds the members is that of the instant at which they were renewed: an instant asks for its own.
+            mask_solved(P, S, W)
+            follow(P, S, W)
             code = call_unit(P.instant_unit, P, C, S, R, W)
-            _after_instant(A, S, t)
             A.instants += 1
+            if code >= GO_ON and _take_in_written(A, S, W):
+                continue  # the instant once more, with those that its events reach
+            _after_instant(A, S, t)
         settled = True
         while code == GO_ON or code == AGAIN:
             S.points = 0
@@ -358,10 +396,11 @@ def _begin(A, P, C, S, R, W):
         W.firing.last[:, :] = 0.0
         W.meeting.widest[:] = 0.0
         code = call_unit(P.instant_unit, P, C, S, R, W)
-        if code != GO_ON:
-            return code
         # What holds from the start is no event.
         S.events = 0
+        if code != GO_ON:
+            note_records(A, P, S, R)
+            return code
         for k in range(own):
             for b in range(E.nm):
                 j = number_of(E, b, T.count, k)
@@ -452,6 +491,7 @@ def _next_slab(A):
     A.slab_end = A.t_end
     if A.alone == 0 and A.slab > 0.0 and A.t + A.slab < A.t_end - 1e-9 * A.slab:
         A.slab_end = A.t + A.slab
+    A.now = A.t
     A.slabs += 1
     A.scanned = A.scanned_rest = 0
 
@@ -490,6 +530,9 @@ def _act(A, P, C, S, R, W):
         count += 1
         t = Q.key[Q.heap[0]]
         why = _meets_now(A, t)
+        members = T.count
+        for k in range(members if why == EVENT else 0):
+            _take_in_targets(A, T.member[k])
         if why == EXPIRY:
             if t >= A.slab_end:
                 for k in range(T.count):
@@ -501,7 +544,10 @@ def _act(A, P, C, S, R, W):
         code = _renew(A, P, C, S, R, W, t, A.slab_end, why)
         if code != GO_ON:
             A.t = t
+            if code == Outcome.AMBIGUITY:
+                A.t = min(t, A.ambiguity_t[A.ambiguities - 1])
             return code
+        A.now = t
     return GO_ON
 
 
@@ -536,8 +582,10 @@ def _finish(A, P, C, S, R, W):
 @unit(types.int64, Assembly, Problem, Control, State, Record, Work)
 def run(A, P, C, S, R, W):
     """Advances the assembly to its end or to the first reason to return: an Outcome, or AGAIN where it may go on."""
-    code = _advance(A, P, C, S, R, W)
-    if code == Outcome.FINISHED:
+    code = Outcome.TIME_LIMIT if A.halts != 0 else _advance(A, P, C, S, R, W)
+    if A.halts != 0:
+        A.t = A.now
+    if code == Outcome.FINISHED or A.halts != 0:
         begin_patch(A)
     if code < GO_ON and code != Outcome.OUT_OF_MEMORY:
         _finish(A, P, C, S, R, W)

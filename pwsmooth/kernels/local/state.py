@@ -28,6 +28,7 @@ class Kind(Bundle):
     s_first: "i8[nm + ne]"
     fixed_m: "int"  # multipliers of the whole, and blocks of those of elements
     blocks_m: "int"
+    target: "i8[:]"  # columns of the neighbours that events write
     read: "i8[nx]"  # states that neighbours read
     kind: "i8[nm]"
     hidden: "i8[nm]"
@@ -105,6 +106,8 @@ class Assembly(Bundle):
     phase: "int"  # 0: nothing is known yet; 1: slabs end; 2: events inside of one
     t: "float"
     t_end: "float"
+    now: "float"  # up to where all motions are known
+    halts: "int"  # 1: to end there
     slab_begin: "float"
     slab_end: "float"
     slab: "float"  # length

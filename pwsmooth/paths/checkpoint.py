@@ -1,0 +1,86 @@
+"""Checkpoints of a run of a large family: it goes on from them with the same bits.
+
+Chain: local.py -> **this file**.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ..codegen.machine.cache import fingerprint
+from ..results.assembly import Writer
+
+# What the same call makes again.
+_STATIC = {"near", "reader_first", "reader", "p", "shift", "asked", "slip_share", "keeps", "number", "cell"}
+
+
+class Saved:
+    """A checkpoint: all that a run carries from call to call, in one file that is replaced as a whole."""
+
+    def __init__(self, run: Any, ends: np.ndarray, start: Any):
+        self.run, self.path, self.every = run, run.record.checkpoint, run.record.checkpoint_every
+        told = repr((ends.tolist(), run.options, run.order, run.n, run.A.asked.tolist(), run.A.keeps.max()))
+        content = (
+            told.encode() + np.array(start, float).tobytes() + np.array(run.system.parameter_values).tobytes()
+        )
+        content += fingerprint(run.template).encode()
+        self.mark = hashlib.sha256(content).hexdigest()
+
+    def _parts(self) -> Iterator[tuple[str, Any, str, bool]]:
+        A = self.run.A
+        for name, bundle in (("", A), ("queue.", A.queue), ("patch.", A.patch)):
+            for key, member in type(bundle).members.items():
+                if hasattr(member, "cells"):
+                    yield name + key, bundle, key, False
+                elif hasattr(member, "rank") and key not in _STATIC:
+                    yield name + key, bundle, key, True
+
+    def write(self) -> None:
+        run = self.run
+        kept = {name: np.asarray(getattr(bundle, key)) for name, bundle, key, _ in self._parts()}
+        for name, part in zip(("x", "mult", "status"), run.initial or (), strict=False):
+            kept[f"initial.{name}"] = part
+        beside = self.path.with_name(self.path.name + ".new")
+        with open(beside, "wb") as stream:
+            np.savez(stream, mark=np.array(self.mark), rows=np.array(run.log.rows), **kept)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(beside, self.path)
+
+    def load(self) -> None:
+        """Where the run was, if it was saved.
+
+        Raises
+        ------
+        ValueError
+            The file is of another run.
+        """
+        if not self.path.exists():
+            return
+        run = self.run
+        with np.load(self.path) as kept:
+            if str(kept["mark"]) != self.mark:
+                raise ValueError(
+                    f"`checkpoint` {str(self.path)!r} is of another run: system, values, start, times or options "
+                    "differ; remove it, or give another name."
+                )
+            for name, bundle, key, is_array in self._parts():
+                if not is_array:
+                    setattr(bundle, key, kept[name][()])
+                elif kept[name].shape == getattr(bundle, key).shape:
+                    getattr(bundle, key)[...] = kept[name]
+                else:
+                    type(bundle).members[key].give(bundle, kept[name])
+            if "initial.x" in kept:
+                run.initial = tuple(kept[f"initial.{name}"] for name in ("x", "mult", "status"))
+            run.log = Writer(run.record.events, run.log.states, int(kept["rows"]))
+        run.A.patch.shaped[:] = -1
+        run.A.patch.most = run.most
+
+    def remove(self) -> None:
+        self.path.unlink(missing_ok=True)
