@@ -30,9 +30,9 @@ Moreau-Jean   fixed steps, no events: v + h f, then each block's friction as a p
               with the step: the time to 1e-8 is that of a step at which it was run, times the ratio of the errors (an
               extrapolation). A block is let go when its force exceeds 1.5 times the kinetic friction, as everywhere.
 
-Where another wins: of ten blocks heyoka's time is a fraction of ours, since its run is one compiled loop while a call of
-`solve` checks its arguments and makes its arrays in Python, and ten elements are hardly more than a neighbourhood. From
-some hundred on the run by elements is ahead, by as much as there are elements beyond a neighbourhood.
+Where another wins: of ten blocks heyoka's time is a fraction of ours, since its run is one compiled loop while a call
+of `solve` checks its arguments and makes its arrays in Python, and ten elements are hardly more than a neighbourhood.
+From some hundred on the run by elements is ahead, by as much as there are elements beyond a neighbourhood.
 
 No solver of quantised states (QSS) could be installed from the registries of Python packages. Their cost an event does
 not depend on n either; of third order, their steps shrink as the tolerance to the power 1/3.
