@@ -103,6 +103,15 @@ def _prepare_instant(A, S, W, t):
 
 
 @kernel
+def _next_tick(A, i, q):
+    """When timed event q of element i happens next."""
+    E, k = A.kind, A.tick[i, q]
+    if E.at_first[q + 1] > E.at_first[q]:
+        return E.at[E.at_first[q] + k] if E.at_first[q] + k < E.at_first[q + 1] else math.inf
+    return A.every[i, q] * k
+
+
+@kernel
 def _after_instant(A, S, t):
     """Instants in succession of the members that met something, without progress in time."""
     T, E = A.patch, A.kind
@@ -112,6 +121,9 @@ def _after_instant(A, S, t):
         for b in range(E.nm + E.ne):
             if A.met[i, b] - t <= AT_ONCE * abs(t):
                 A.stalled[i] = min(S.stalled, 127)
+        for q in range(len(E.timed)):
+            if A.met[i, E.nm + E.timed[q]] - t <= AT_ONCE * abs(t):
+                A.tick[i, q] += 1
 
 
 @kernel
@@ -339,6 +351,9 @@ def _keep(A, P, C, S, W, t, h):
             A.widest[i, b] = W.meeting.widest[j]
             if b < E.nm:
                 A.exit_side[i, b] = W.meeting.exit_side[j]
+        for q in range(len(E.timed)):
+            A.met[i, E.nm + E.timed[q]] = _next_tick(A, i, q)
+            key = min(key, A.met[i, E.nm + E.timed[q]])
         if A.until[i] < A.slab_end or (A.alone != 0 and A.until[i] < A.t_end):
             key = min(key, A.until[i])
         put_in_queue(A.queue, i, key)
