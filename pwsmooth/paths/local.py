@@ -69,7 +69,9 @@ class _Run:
         self.n = families.sizes[0]
         self.template = families.template
         self.parts = few_elements(self.template)
-        self.code = PatchCode(family_model(few_of(self.template)))
+        # A copy that no other run of this thread uses; the next one takes it.
+        free = self.parts.kept("patches").setdefault("free", [])
+        self.code = free.pop() if free else PatchCode(family_model(few_of(self.template)))
         self.loop = local_loop()
         text = self.template.model
         self.ns, self.nm, self.ne = len(text.states), len(text.multipliers), len(text.events)
@@ -151,7 +153,7 @@ class _Run:
             sizes, ns=self.ns, nm=nm, ne=ne, np=len(self.own_parameters), nr=len(self.code.offsets),
             target=np.array(sorted({self.code.offsets.index(b.offset) for e in self.template.model.events
                                     for b, _ in e.update if isinstance(b, Beside)}), np.int64),
-            timed=np.array(self.timed, np.int64), at_first=at_first, at=at,
+            together=int(self._act_together()), timed=np.array(self.timed, np.int64), at_first=at_first, at=at,
             walls=int(walls(self.template)), read=np.array(read, np.int64),
             s_fixed=np.cumsum([0, *~own])[:-1], s_blocks=np.cumsum([0, *own])[:-1], s_own=own.astype(np.int64),
             s_first=np.array(first, np.int64), fixed_m=self.fixed_m, blocks_m=self.blocks_m,
@@ -170,6 +172,17 @@ class _Run:
             p_blocks=self.p_blocks[self.own_parameters],
             **dict(zip(("shared_fixed", "shared_blocks", "shared"), self.shared, strict=True)),
         )  # fmt: skip
+
+    def _act_together(self) -> bool:
+        """Whether what an event of an element does depends on other elements, or acts on them."""
+        beside = {s for s, p in self.template.places if p.base is not None and p.offset}
+        for event in self.template.model.events:
+            said = [e for _, e in event.update] + ([event.when] if isinstance(event.when, sp.Basic) else [])
+            if any(isinstance(b, Beside) for b, _ in event.update) or any(
+                e.free_symbols & beside for e in said
+            ):
+                return True
+        return False
 
     def _instants(self) -> tuple[np.ndarray, np.ndarray]:
         """Where those of each timed event begin, and they themselves."""
@@ -375,6 +388,7 @@ class _Run:
             self.loop(self.A, self.P, self.C, self.S, self.R, self.W)
         if saved and code == Outcome.FINISHED:
             saved.remove()
+        self.parts.kept("patches")["free"].append(self.code)
         return self._solution(Outcome(code), ends if self.only_ends else asked, asked, kept)
 
     def _elements(self, record: Recorder | None) -> np.ndarray:
@@ -518,7 +532,7 @@ class _Run:
         values = np.array(self.system.parameter_values, float)
         first = self.model.families.starts("parameters")
         given = [values[a:b] for a, b in zip(first, first[1:], strict=False)]
-        return np.broadcast_to(sp.lambdify(symbols, e, "numpy")(*given) if symbols else float(e), self.n)
+        return np.broadcast_to(_numeric(symbols, e)(*given), self.n)
 
     def _multipliers(self, mult: np.ndarray, status: np.ndarray) -> np.ndarray:
         """The multipliers, lambda in the place of sigma where static friction is two levels."""
@@ -538,6 +552,11 @@ class _Run:
         if (q >= 0).any():  # no fold at all
             held = np.where(q > 0, 2 * size * np.sinh(np.arcsinh(share) / 3), np.where(q < 0, held, sigma))
         return np.where(status == names.SOLVED, held, sigma)
+
+
+@functools.lru_cache(maxsize=256)
+def _numeric(symbols: tuple[sp.Symbol, ...], e: sp.Expr) -> Any:
+    return sp.lambdify(symbols, e, "numpy")
 
 
 def _blocks(numbers: np.ndarray) -> np.ndarray:

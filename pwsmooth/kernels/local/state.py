@@ -29,6 +29,7 @@ class Kind(Bundle):
     s_first: "i8[nm + ne]"
     fixed_m: "int"  # multipliers of the whole, and blocks of those of elements
     blocks_m: "int"
+    together: "int"  # 1: what events of an element do depends on others, or acts on them
     timed: "i8[nt]"  # events at given times
     at_first: "i8[nt + 1]"
     at: "f8[:]"  # instants of those that have them one by one
