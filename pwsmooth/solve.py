@@ -148,10 +148,11 @@ def solve(
         system = given = system._written_out()
         wanted = quantities(system, with_respect_to)
     if t0 > t1:
-        if noise is not None or dense_output or method == "stiff" or with_respect_to is not None:
+        several = noise is not None or dense_output or method == "stiff" or with_respect_to is not None
+        if several or local or record is not None:
             raise ValueError(
-                "`t_span` decreases: backward in time there is no `noise`, no `dense_output`, no `with_respect_to` and "
-                "no method 'stiff'; give `t_eval` for wanted times."
+                "`t_span` decreases: backward in time there is no `noise`, no `dense_output`, no `with_respect_to`, no "
+                "method 'stiff', no `record`, and nothing is `local`; give `t_eval` for wanted times."
             )
         from .paths.backward import solve_backward
 

@@ -319,9 +319,9 @@ REASONS = {
         "rates": {y: sp.Symbol("A", real=True) - y},
         "algebraic": [Algebraic(sp.Symbol("A", real=True), sp.Symbol("A", real=True) - sp.cos(t))],
     },
-    "it has events at given times": {
+    "it has sampled drives, or instants that differ": {
         "rates": {y: -y},
-        "events": [Event(every=1, update={y: y + 1}, name="kick")],
+        "events": [Event(at=(blocks.index,), update={y: y + 1}, name="kick")],
     },
     "some function has no Taylor series everywhere": {"rates": {y: 1 / (y + 2) - sp.sqrt(y)}},
     "some function has a singular argument": {"rates": {y: -1 / (y + 2)}},

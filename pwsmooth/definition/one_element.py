@@ -263,10 +263,10 @@ def _template(plain, one):
         targets = [(*field.states, *field.memories)[i] for i, _ in event.update]
         event_families.append(family(*parts, *targets))
         timed = [e for e in (event.every, *event.at) if e is not None]
-        if family(*timed) is not None or (
+        if family(*timed) not in (None, event_families[-1]) or (
             event.surface is not None and event.surface.free_symbols & neighbours
         ):
-            raise NoTemplate("an event of elements at given times, or between neighbours")
+            raise NoTemplate("an event between neighbours")
     sums = tuple((s, one.number(f), e) for (s, e), (f, _) in zip(field.sums, one.sums.values(), strict=True))
     for x, rate in (*zip(field.states, field.rates, strict=True), *field.algebraic):
         if family(rate) not in (None, family(x)):

@@ -15,6 +15,7 @@ import numpy as np
 import sympy as sp
 
 from ..definition.model import Beside
+from ..definition.pointwise import value
 from ..definition.recording import Recorder
 from ..definition.template import LINKED, Level, family_model
 from ..kernels import state as names
@@ -68,7 +69,9 @@ class _Run:
         self.n = families.sizes[0]
         self.template = families.template
         self.parts = few_elements(self.template)
-        self.code = PatchCode(family_model(few_of(self.template)))
+        # A copy that no other run of this thread uses; the next one takes it.
+        free = self.parts.kept("patches").setdefault("free", [])
+        self.code = free.pop() if free else PatchCode(family_model(few_of(self.template)))
         self.loop = local_loop()
         text = self.template.model
         self.ns, self.nm, self.ne = len(text.states), len(text.multipliers), len(text.events)
@@ -78,6 +81,7 @@ class _Run:
         starts = few_of(self.template).starts
         self.m_at = np.array(starts("multipliers")[:-1], np.int64)
         self.e_at = np.array(starts("events")[:-1], np.int64)
+        self.timed = [b for b, e in enumerate(text.events) if e.every is not None or e.at]
 
     # ---- what holds for one element
 
@@ -143,11 +147,13 @@ class _Run:
         general = self.rows.get("general", slip | none)
         twin = fixed["twin"][of_e]
         twins = [np.searchsorted(of_m, abs(j) - 1, "right") if j else 0 for j in twin]  # blocks, from 1
-        sizes = dict(ns=self.ns, nm=nm, ne=ne, nx=len(read), np=len(self.p_fixed))
+        at_first, at = self._instants()
+        sizes = dict(ns=self.ns, nm=nm, ne=ne, nt=len(self.timed), nx=len(read), np=len(self.p_fixed))
         return local.Kind.zeros(
             sizes, ns=self.ns, nm=nm, ne=ne, np=len(self.own_parameters), nr=len(self.code.offsets),
             target=np.array(sorted({self.code.offsets.index(b.offset) for e in self.template.model.events
                                     for b, _ in e.update if isinstance(b, Beside)}), np.int64),
+            together=int(self._act_together()), timed=np.array(self.timed, np.int64), at_first=at_first, at=at,
             walls=int(walls(self.template)), read=np.array(read, np.int64),
             s_fixed=np.cumsum([0, *~own])[:-1], s_blocks=np.cumsum([0, *own])[:-1], s_own=own.astype(np.int64),
             s_first=np.array(first, np.int64), fixed_m=self.fixed_m, blocks_m=self.blocks_m,
@@ -166,6 +172,41 @@ class _Run:
             p_blocks=self.p_blocks[self.own_parameters],
             **dict(zip(("shared_fixed", "shared_blocks", "shared"), self.shared, strict=True)),
         )  # fmt: skip
+
+    def _act_together(self) -> bool:
+        """Whether what an event of an element does depends on other elements, or acts on them."""
+        beside = {s for s, p in self.template.places if p.base is not None and p.offset}
+        for event in self.template.model.events:
+            said = [e for _, e in event.update] + ([event.when] if isinstance(event.when, sp.Basic) else [])
+            if any(isinstance(b, Beside) for b, _ in event.update) or any(
+                e.free_symbols & beside for e in said
+            ):
+                return True
+        return False
+
+    def _instants(self) -> tuple[np.ndarray, np.ndarray]:
+        """Where those of each timed event begin, and they themselves."""
+        values = {
+            p: self.system.parameters[p] for p in self.template.model.parameters if p not in self.template.place
+        }
+        lists = [sorted({value(e, values) for e in self.template.model.events[b].at}) for b in self.timed]
+        ends = np.cumsum([0, *map(len, lists)]).astype(np.int64)
+        return ends, np.array([t for part in lists for t in part], float)
+
+    def _first_ticks(self, t0: float) -> None:
+        """The first instants after the start."""
+        A = self.A
+        for q, b in enumerate(self.timed):
+            event = self.template.model.events[b]
+            if event.every is None:
+                own = A.kind.at[A.kind.at_first[q] : A.kind.at_first[q + 1]]
+                A.tick[:, q] = np.searchsorted(own, t0, side="right")
+                continue
+            every = A.every[:, q] = self._of_parameters(event.every)
+            if not (every > 0).all():
+                raise ValueError(f"Event {event.name!r}: `every` is {every.min():g}; give a period > 0.")
+            first = np.floor(t0 / every).astype(np.int64)
+            A.tick[:, q] = first + (every * first <= t0)
 
     # ---- the small system
 
@@ -242,8 +283,8 @@ class _Run:
         near, number = np.zeros(len(self.code.offsets) * most + 1), np.zeros(most + 1)
         self.code.give(near, number)
         patch = self.A.patch
-        for name, value in (("cell", np.array(table, np.int64)), ("near", near), ("number", number)):
-            patch.members[name].give(patch, value)
+        for name, given in (("cell", np.array(table, np.int64)), ("near", near), ("number", number)):
+            patch.members[name].give(patch, given)
         patch.shaped[:] = -1
         patch.most = most
 
@@ -287,8 +328,9 @@ class _Run:
         pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
         first = np.concatenate([[0], np.cumsum(np.bincount(pairs[:, 0], minlength=n))])
         sizes = dict(
-            elements=n, ns=ns, nm=nm, ne=ne, nr=len(offsets), np=len(self.own_parameters), width=self.width,
-            kept=len(kept), times=len(times), room=_FIRST_LOG, unsure=_FIRST_LOG, most=0, near_places=0, cells=0,
+            elements=n, ns=ns, nm=nm, ne=ne, nt=len(self.timed), nr=len(offsets), np=len(self.own_parameters),
+            width=self.width, kept=len(kept), times=len(times), room=_FIRST_LOG, unsure=_FIRST_LOG, most=0,
+            near_places=0, cells=0,
         )  # fmt: skip
         queue = local.Queue.zeros(sizes)
         queue.place[:], queue.key[:] = -1, math.inf
@@ -310,6 +352,7 @@ class _Run:
         A.seen[:], A.keeps[:] = -1, -1
         A.keeps[kept] = np.arange(len(kept))
         self.initial = None
+        self._first_ticks(t0)
         A.slip_share[:] = math.inf
         for level in self.template.levels:
             A.slip_share[:, level.multiplier] = self._of_parameters(level.slip / level.peak)
@@ -345,6 +388,7 @@ class _Run:
             self.loop(self.A, self.P, self.C, self.S, self.R, self.W)
         if saved and code == Outcome.FINISHED:
             saved.remove()
+        self.parts.kept("patches")["free"].append(self.code)
         return self._solution(Outcome(code), ends if self.only_ends else asked, asked, kept)
 
     def _elements(self, record: Recorder | None) -> np.ndarray:
@@ -488,7 +532,7 @@ class _Run:
         values = np.array(self.system.parameter_values, float)
         first = self.model.families.starts("parameters")
         given = [values[a:b] for a, b in zip(first, first[1:], strict=False)]
-        return np.broadcast_to(sp.lambdify(symbols, e, "numpy")(*given) if symbols else float(e), self.n)
+        return np.broadcast_to(_numeric(symbols, e)(*given), self.n)
 
     def _multipliers(self, mult: np.ndarray, status: np.ndarray) -> np.ndarray:
         """The multipliers, lambda in the place of sigma where static friction is two levels."""
@@ -508,6 +552,11 @@ class _Run:
         if (q >= 0).any():  # no fold at all
             held = np.where(q > 0, 2 * size * np.sinh(np.arcsinh(share) / 3), np.where(q < 0, held, sigma))
         return np.where(status == names.SOLVED, held, sigma)
+
+
+@functools.lru_cache(maxsize=256)
+def _numeric(symbols: tuple[sp.Symbol, ...], e: sp.Expr) -> Any:
+    return sp.lambdify(symbols, e, "numpy")
 
 
 def _blocks(numbers: np.ndarray) -> np.ndarray:

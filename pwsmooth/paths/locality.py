@@ -46,8 +46,9 @@ def why_global(model: Model) -> str:
         known = {text.time, *text.parameters}
         if family is None and not (mu.kind == "switch" and mu.surface.free_symbols <= known):
             return f"multiplier {mu.symbol} belongs to no element and does not switch at known times"
-    if any(e.every is not None or e.at for e in text.events):
-        return "it has events at given times"
+    for event in text.events:
+        if event.tables or any(e.free_symbols & template.place.keys() for e in event.at):
+            return "it has sampled drives, or instants that differ from element to element"
     states = set(text.states)
     read = {p.base for s, p in template.places if p.base is not None and p.offset}
     if read - states - set(text.parameters):

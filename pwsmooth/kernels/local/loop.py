@@ -49,12 +49,13 @@ from .state import Assembly
 
 BEGIN, SLAB, EVENTS = range(3)  # phases
 EVENT, EXPIRY, END_OF_SLAB = range(3)  # why a patch is renewed
-_CHUNK = 64  # elements that are put at their start together
+_CHUNK = 64  # elements that are put at their start together, or whose events of one instant are
 _AROUND = 4  # links about them whose motion tells the orders in which a surface is left
 _DEEPEST = 40
 _EASY = 1e-4  # of what is allowed: a depth that leaves so little is more than enough
 _OFTEN = 24  # times
 _SOON = 0.25  # of the time ahead: what is read expires so early that it is renewed too
+_BRIEF = 1e-12  # of the time: too short for a step
 _LOOK, _REST = 8, 24  # slabs of a look at what a length costs, and looks before another length is tried
 _BETTER = 0.93
 
@@ -103,6 +104,15 @@ def _prepare_instant(A, S, W, t):
 
 
 @kernel
+def _next_tick(A, i, q):
+    """When timed event q of element i happens next."""
+    E, k = A.kind, A.tick[i, q]
+    if E.at_first[q + 1] > E.at_first[q]:
+        return E.at[E.at_first[q] + k] if E.at_first[q] + k < E.at_first[q + 1] else math.inf
+    return A.every[i, q] * k
+
+
+@kernel
 def _after_instant(A, S, t):
     """Instants in succession of the members that met something, without progress in time."""
     T, E = A.patch, A.kind
@@ -112,6 +122,9 @@ def _after_instant(A, S, t):
         for b in range(E.nm + E.ne):
             if A.met[i, b] - t <= AT_ONCE * abs(t):
                 A.stalled[i] = min(S.stalled, 127)
+        for q in range(len(E.timed)):
+            if A.met[i, E.nm + E.timed[q]] - t <= AT_ONCE * abs(t):
+                A.tick[i, q] += 1
 
 
 @kernel
@@ -261,7 +274,9 @@ def _renew(A, P, C, S, R, W, t, stop, why):
         if C.strict and A.ambiguities > 0:
             return Outcome.AMBIGUITY
         first = False
-        C.t_end = _common_end(A, t, stop)
+        # So short before the end of a slab, where all is renewed, what others do then does not matter.
+        brief = stop - t <= _BRIEF * (1.0 + abs(t))
+        C.t_end = t + max(A.slab, _BRIEF) if brief else _common_end(A, t, stop)
         S.step = A.length[T.member[0]] if A.alone != 0 else C.t_end - t
         code = GO_ON
         if not settled and _prepare_instant(A, S, W, t):
@@ -297,7 +312,7 @@ def _renew(A, P, C, S, R, W, t, stop, why):
             fits, best = shorten_to_fit(P, C, S, W, best)
             if fits != h:
                 h, W.end.stopped = fits, 0
-        if checked or not _grow(A, C, W, t, why):
+        if checked or brief or not _grow(A, C, W, t, why):
             break
         A.grown += 1
         _take_in_failing(A)
@@ -339,6 +354,9 @@ def _keep(A, P, C, S, W, t, h):
             A.widest[i, b] = W.meeting.widest[j]
             if b < E.nm:
                 A.exit_side[i, b] = W.meeting.exit_side[j]
+        for q in range(len(E.timed)):
+            A.met[i, E.nm + E.timed[q]] = _next_tick(A, i, q)
+            key = min(key, A.met[i, E.nm + E.timed[q]])
         if A.until[i] < A.slab_end or (A.alone != 0 and A.until[i] < A.t_end):
             key = min(key, A.until[i])
         put_in_queue(A.queue, i, key)
@@ -383,7 +401,9 @@ def _begin(A, P, C, S, R, W):
         own = min(_CHUNK, n - A.scanned)
         for k in range(own):
             take_in(A, A.scanned + k)
-        reach(A, _AROUND)
+        for _ in range(_AROUND):
+            if T.count < 4 * _CHUNK:
+                reach(A, 1)
         if not close_rim(A) or not _has_room(A, P, S, R):
             return Outcome.OUT_OF_MEMORY
         gather(A, P, C, S, W, A.t)
@@ -501,6 +521,8 @@ def _meets_now(A, t):
     """Makes the elements whose key is t, to rounding, the members; why they are renewed."""
     T, Q, E = A.patch, A.queue, A.kind
     limit = t + AT_ONCE * abs(t)
+    # What acts on others acts with them; else some after the others, as the instant looks at all of its members.
+    most = len(A.begun) if E.together != 0 else _CHUNK
     begin_patch(A)
     # Down the heap as long as keys are that early; the members so far are the places still to look at.
     take_in(A, Q.heap[0])
@@ -508,7 +530,7 @@ def _meets_now(A, t):
     while k < T.count:
         place = Q.place[T.member[k]]
         for below in range(2 * place + 1, 2 * place + 3):
-            if below < Q.size and Q.key[Q.heap[below]] <= limit:
+            if below < Q.size and Q.key[Q.heap[below]] <= limit and T.count < most:
                 take_in(A, Q.heap[below])
         k += 1
     for k in range(T.count):

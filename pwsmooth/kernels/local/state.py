@@ -1,7 +1,8 @@
 """What a run of a family knows of each of its elements, and of the patch that it works on.
 
-Sizes: `elements`; an element's states ns, multipliers nm, events ne and parameters np; nr neighbours that its rates
-read, of whose states they read `nx`; `kept` elements of which more is kept, at `times`; `width` of a row.
+Sizes: `elements`; an element's states ns, multipliers nm, events ne, of which nt at given times, and parameters np;
+nr neighbours that its rates read, of whose states they read `nx`; `kept` elements of which more is kept, at `times`;
+`width` of a row.
 """
 
 from ..machine.block import Bundle
@@ -28,6 +29,10 @@ class Kind(Bundle):
     s_first: "i8[nm + ne]"
     fixed_m: "int"  # multipliers of the whole, and blocks of those of elements
     blocks_m: "int"
+    together: "int"  # 1: what events of an element do depends on others, or acts on them
+    timed: "i8[nt]"  # events at given times
+    at_first: "i8[nt + 1]"
+    at: "f8[:]"  # instants of those that have them one by one
     target: "i8[:]"  # columns of the neighbours that events write
     read: "i8[nx]"  # states that neighbours read
     kind: "i8[nm]"
@@ -138,6 +143,8 @@ class Assembly(Bundle):
     widest: "f8[elements, nm + ne]"
     last: "f8[elements, nm, 6]"
     fired: "f8[elements, ne, 6]"
+    every: "f8[elements, nt]"  # periods of the others
+    tick: "i8[elements, nt]"  # which instant is next
     slip_share: (
         "f8[elements, nm]"  # of the largest static friction that slip has; inf where there are no two levels
     )

@@ -20,6 +20,15 @@ from .sparse import entry, solve_dense, solve_masked
 INSIDE = 1.0 - 2.0**-53
 
 
+@kernel
+def _has_infinite_slope(P, W):
+    """Whether Newton's method stands still where it has not arrived, as at a root at 0; else it has, to rounding."""
+    for j in range(P.m):
+        if W.mask[j] and not abs(W.G[P.g_diagonal[j]]) < math.inf:
+            return True
+    return False
+
+
 @unit(types.int64, Problem, State, Work)
 def newton(P, S, W):
     """Solves g = 0 for the multipliers of W.mask, overwriting S.mult; 0 when it does not converge."""
@@ -44,8 +53,8 @@ def newton(P, S, W):
                 if abs(mult[j]) == 1.0 and P.kind[j] != ALGEBRAIC and P.kind[j] != CONTACT:
                     mult[j] *= INSIDE
                 change = max(change, abs(b[j]) / (1.0 + abs(mult[j])))
-        if not change < math.inf or (change == 0.0 and rest > 1e-14):
-            return 0  # the second where a slope is infinite, as that of a root at 0
+        if not change < math.inf or (change == 0.0 and rest > 1e-14 and _has_infinite_slope(P, W)):
+            return 0
         # One step more than it takes to see convergence: the residual then sits at rounding.
         if change <= 1e-15 or (sweep > 0 and change < 1e-9 and change >= 0.25 * previous):
             return 1

@@ -1,0 +1,206 @@
+"""Large families: events that write their neighbours or come at given times, what is kept, and checkpoints."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy as sp
+from family_models import template_from
+
+from pwsmooth import Event, Family, Recorder, Switch, System, solve
+
+TIGHT = dict(rtol=1e-12, atol=1e-14)
+
+
+def both(make, *arguments):
+    """The system with a template, and with its elements written out, and the start."""
+    with template_from(8):
+        system, start = make(*arguments)
+    with template_from(10**9):
+        written, _ = make(*arguments)
+    return system, written, start
+
+
+def alike(make, *arguments, end=8.0):
+    """A run by elements is that of the elements written out."""
+    system, written, start = both(make, *arguments)
+    asked = np.linspace(0, end, 9)
+    found = solve(system, (0, end), start, t_eval=asked, local=True, **TIGHT)
+    whole = solve(written, (0, end), start, t_eval=asked, **TIGHT)
+    assert len(found.events) == len(whole.events) > 20
+    np.testing.assert_allclose(found.x, whole.x, rtol=0, atol=1e-11)
+    np.testing.assert_array_equal(found.status, whole.status)
+    return found
+
+
+def toppling(kind, n=36):
+    """Sites that are filled, and give what they have to their neighbours when they are full."""
+    sites = Family(n, periodic=kind == "ring")
+    (u,) = sites.symbols("u")
+    if kind == "lattice":
+        links = sites.lattice((6, 6))
+        others = [links.neighbour(u, k) for k in range(1, 5)]
+    else:
+        others = [sites.neighbour(u, 1), sites.neighbour(u, -1)]
+    share = sp.Rational(8, 10) / len(others)
+    full = Event(u - 1, direction=1, update={u: 0} | {o: o + share * u for o in others}, name="topple")
+    return System({u: 1}, events=[full]), {u: np.random.default_rng(3).uniform(0, 1, n)}
+
+
+@pytest.mark.parametrize("kind", ["chain", "ring", "lattice"])
+def test_what_an_event_gives_its_neighbours_starts_avalanches(kind):
+    found = alike(toppling, kind)
+    # Some sites topple at the instant of others.
+    assert len(np.unique(np.round(found.events.times, 9))) < len(found.events)
+
+
+def kicked(own):
+    """Blocks that rub, kicked at given times: all at once, or each with a period of its own."""
+    blocks = Family(12)
+    x, v = blocks.symbols("x v")
+    F, period = blocks.symbols("F period", positive=True)
+    beat = sp.Symbol("beat", positive=True)
+    pull = blocks.neighbour(x, 1) - 2 * x + blocks.neighbour(x, -1)
+    events = [
+        Event(every=period if own else beat, update={v: v + sp.Rational(1, 2) + x / 3}, name="kick"),
+        Event(at=(1.5, 4, 3 * beat), update={v: v - 1}, name="pull"),
+    ]
+    i = np.arange(12)
+    values = {F: 0.3 + 0.1 * np.cos(i), beat: 0.8} | ({period: 0.7 + 0.05 * np.sin(3 * i)} if own else {})
+    rates = {x: v, v: -x + 2 * pull - F * Switch("lam", v) - v / 10}
+    return System(rates, parameters=values, events=events), {x: np.sin(2 * i), v: 0.0}
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_kicks_at_given_times_are_those_of_the_elements_written_out(own):
+    alike(kicked, own)
+
+
+def train(n):
+    """Blocks on a belt, with hidden static friction: 1.09 times that of slip."""
+    blocks = Family(n)
+    x, v = blocks.symbols("x v")
+    V, k = sp.symbols("V k", positive=True)
+    lam = Switch("lam", v - V)
+    pull = blocks.neighbour(x, 1) - 2 * x + blocks.neighbour(x, -1)
+    system = System({x: v, v: -x + k * pull - lam * (1 + (1 - lam**2))}, parameters={V: 0.1, k: 2.0})
+    return system, {x: 0.5 * np.sin(np.arange(n) ** 2), v: 0.1}
+
+
+def test_what_is_kept_of_some_elements_is_what_a_run_that_keeps_all_has(tmp_path):
+    system, start = train(120)
+    asked = np.linspace(0, 20, 21)
+    whole = solve(system, (0, 20), start, t_eval=asked)
+    some = solve(
+        system, (0, 20), start, t_eval=asked, record=Recorder(elements=[3, -1], events=tmp_path / "run.zarr")
+    )
+    np.testing.assert_array_equal(some.recorded["x"], whole.x[[2, 119]])
+    np.testing.assert_array_equal(some.recorded["lam"], whole.mult[[2, 119]])
+    np.testing.assert_array_equal(some.x, whole.x[:, [0, -1]])
+    np.testing.assert_allclose(some.mult, whole.mult[:, [0, -1]], rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(some.events.times, whole.events.times)
+    assert [str(e) for e in some.events[:5]] == [str(e) for e in whole.events[:5]]
+    assert some.recorded.elements == (3, 120) and len(some.catalogue) == len(whole.events)
+
+
+def test_avalanches_are_slips_of_neighbours_at_the_same_time():
+    system, start = train(120)
+    run = solve(system, (0, 30), start, record=Recorder())
+    slips = run.catalogue.avalanches(drift=0.1)
+    log = run.catalogue
+    # The same by hand: intervals of slip, joined where neighbours overlap.
+    begun, intervals = {}, []
+    for t, i, came, went, x in zip(log.t, log.element, log.came, log.went, log.states["x"], strict=True):
+        if came == 0 and went != 0:
+            begun[i] = t, x
+        elif went == 0 and i in begun:
+            (t0, x0) = begun.pop(i)
+            intervals.append((t0, t, int(i), abs(x - x0 - 0.1 * (t - t0))))
+    label = list(range(len(intervals)))
+    for a, (t0, t1, i, _) in enumerate(intervals):
+        for b, (s0, s1, j, _) in enumerate(intervals):
+            if abs(i - j) == 1 and s0 <= t1 and t0 <= s1:
+                label = [label[a] if c == label[b] else c for c in label]
+    groups = {c: [q for q, d in zip(intervals, label, strict=True) if d == c] for c in set(label)}
+    expected = sorted(
+        (min(q[0] for q in g), len({q[2] for q in g}), sum(q[3] for q in g)) for g in groups.values()
+    )
+    assert len(slips) == len(expected) > 5 and slips.area.max() > 3
+    np.testing.assert_allclose(slips.start, [e[0] for e in expected])
+    np.testing.assert_array_equal(slips.area, [e[1] for e in expected])
+    np.testing.assert_allclose(slips.moment, [e[2] for e in expected])
+
+
+RUN = """
+import hashlib, sys
+import numpy as np
+from pwsmooth import Recorder, solve
+from pwsmooth.paths import local
+from test_assemblies import train
+local.SLICE = 200  # events between two looks
+system, start = train(400)
+record = Recorder(elements=[7], events=sys.argv[1] + ".zarr", checkpoint=sys.argv[1] + ".run", checkpoint_every=1000)
+run = solve(system, (0, 250), start, t_eval=np.linspace(0, 250, 51), record=record)
+bits = (run.x, run.mult, run.events.times, run.events.codes, run.recorded["x"], run.recorded["lam"])
+print(run.outcome.name, len(run.events), hashlib.sha256(b"".join(a.tobytes() for a in bits)).hexdigest())
+"""
+
+
+def test_a_run_that_was_killed_goes_on_with_the_same_bits(tmp_path):
+    def begun(name):
+        tests = str(Path(__file__).parent)
+        return subprocess.Popen(
+            [sys.executable, "-c", RUN, str(tmp_path / name)], stdout=subprocess.PIPE, text=True,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join([tests, str(Path(tests).parent)])},
+        )  # fmt: skip
+
+    whole = begun("whole").communicate()[0]
+    assert whole.startswith("FINISHED")
+    for _ in range(2):
+        process, file = begun("killed"), tmp_path / "killed.run"
+        seen = file.stat().st_mtime_ns if file.exists() else 0
+        deadline = time.monotonic() + 120
+        while process.poll() is None and time.monotonic() < deadline:
+            if file.exists() and file.stat().st_mtime_ns != seen:
+                process.send_signal(signal.SIGKILL)
+                break
+            time.sleep(0.005)
+        process.communicate()
+    assert begun("killed").communicate()[0] == whole
+    assert not (tmp_path / "killed.run").exists()
+
+
+def test_many_elements_are_set_up_without_an_object_for_each():
+    blocks = Family(200_000)
+    x, v = blocks.symbols("x v")
+    (F,) = blocks.symbols("F", positive=True)
+    system = System({x: v, v: -x - F * Switch("lam", v)}, parameters={F: np.linspace(0.1, 0.2, 200_000)})
+    assert len(system.states) == 400_000 and system.states[3].name == "x_4"
+    assert system.parameters["F_200000"] == 0.2
+    changed = system.with_parameters({F: 0.3, "F_7": 0.4})
+    assert (changed.parameters["F_6"], changed.parameters["F_7"]) == (0.3, 0.4)
+    with pytest.raises(ValueError, match="positive"):
+        system.with_parameters({"F_9": -1})
+    with pytest.raises(ValueError, match="2 values to F, which has 200000 elements"):
+        system.with_parameters({F: [1, 2]})
+    with pytest.raises(ValueError, match="give all of x, v"):
+        solve(system, (0, 1), {x: 1})
+    run = solve(system, (0, 0.1), {x: 1.0, v: 0.0})
+    assert run.success and run.x.shape == (400_000, 2)
+    # From rest x - F -> cos t.
+    np.testing.assert_allclose(run["x_1"][-1], 0.1 + 0.9 * np.cos(0.1), rtol=1e-8)
+
+
+def test_a_recorder_is_refused_where_nothing_is_local():
+    system = System({sp.Symbol("x", real=True): 1})
+    with pytest.raises(ValueError, match="`local` is True, but its elements are written out"):
+        solve(system, (0, 1), [0], record=Recorder())
+    with pytest.raises(ValueError, match="ends in .zarr"):
+        Recorder(events="log.csv")
+    with pytest.raises(ValueError, match="from 1 on"):
+        Recorder(elements=[0])
