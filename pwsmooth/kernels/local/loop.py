@@ -266,7 +266,8 @@ def _renew(A, P, C, S, R, W, t, stop, why):
     while True:
         if not close_rim(A) or not _has_room(A, P, S, R):
             return Outcome.OUT_OF_MEMORY
-        if first and _take_in_rim_that_ends(A, t, stop):
+        # A first pass, up to the end of the span, tells how long steps are; it is done once more.
+        if first and A.slab > 0.0 and _take_in_rim_that_ends(A, t, stop):
             continue
         gather(A, P, C, S, W, t)
         _keep_grazes(A, S, R, t)
