@@ -75,9 +75,7 @@ def _write_study(path: Path) -> str:
             f"**Expected.** {shown(record['expected'])}\n",
         ]
         parts += [f"**Found.** {shown(record['verdict'])}\n"] if "verdict" in record else []
-    for chart in charts:
-        picture(chart, STUDIES / chart.name)
-        parts.append(f"```{{image}} {chart.name}\n:alt: {plain(title)}\n:width: 100%\n```\n")
+    parts += _pictures(path, plain(title), STUDIES)
     if record and record.get("claims"):
         parts += ["## Findings\n", claims_table(record["claims"], source="expected")]
     parts += ["## The study\n", prose(doc)]
@@ -90,6 +88,13 @@ def _write_study(path: Path) -> str:
     parts += ["## How to run it\n", fenced(f"python experiments/{path.name}", "console"), "", code(path)]
     write(STUDIES / f"{path.stem}.md", "\n".join(parts))
     return card(plain(title), question, path.stem, f"thumbnails/{charts[0].name}" if charts else None)
+
+
+def _pictures(path: Path, title: str, folder: Path) -> list[str]:
+    """Puts the charts of a script beside its page."""
+    for chart in _charts(path):
+        picture(chart, folder / chart.name)
+    return [f"```{{image}} {c.name}\n:alt: {title}\n:width: 100%\n```\n" for c in _charts(path)]
 
 
 def _charts(path: Path) -> list[Path]:
@@ -124,12 +129,13 @@ def _write_benchmarks(scripts: list[Path]) -> None:
     ]
     for path in scripts:
         doc, record = _docstring(path), _record(path)
-        parts += [f"## {plain(_title(path).removeprefix('Bench ').capitalize())}\n", prose(doc)]
+        title = plain(_title(path).removeprefix("Bench ").capitalize())
+        parts += [f"## {title}\n", prose(doc)]
         rerun = f"python experiments/{path.name} --out experiments/results/{path.stem}.json"
         if record is None:
             parts.append("**No result is kept in the repository yet.** It is made by\n")
         else:
-            parts += ["### Result\n", *result_tables(record)]
+            parts += ["### Result\n", *_pictures(path, title, AUTO), *result_tables(record)]
             options = record.get("options")
             if options:
                 shown = ", ".join(f"{k} {number(v)}" for k, v in options.items() if k != "out")
