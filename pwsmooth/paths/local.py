@@ -136,6 +136,7 @@ class _Run:
         group_first, group_block = self._pattern(sorted(groups))
         dh_first, dh_block = self._pattern(linear["DH_ROWS"])
         self.groups, self.g_block, self.link_block = groups, g_block, link_block
+        self.own_groups = sum(bool(own[group[0]]) for group in groups)  # exactly: their number is a loop's end
         self.group_block, self.dh_block = group_block, dh_block
         place = self.template.place
         read = sorted({
@@ -222,7 +223,7 @@ class _Run:
         rows += own
         entries, gradients = self.fixed_m + len(self.g_block) * members, len(self.dh_block) * members
         return {
-            "n": self.ns * places, "m": m, "ne": ne, "nz": 0, "blocks": self.fixed_m + len(self.groups) * members,
+            "n": self.ns * places, "m": m, "ne": ne, "nz": 0, "blocks": self.fixed_m + self.own_groups * members,
             "width": self.stride, "rows": rows, "fold_size": 0, "entries": entries,
             "gradients": gradients + m + ne, "fold_entries": 0, "fold_gradients": 0,
             "group": max(map(len, self.groups), default=0), "hubs": 0, "contacts": 0, "onset": 0, "room": 16,

@@ -522,8 +522,8 @@ def _meets_now(A, t):
     """Makes the elements whose key is t, to rounding, the members; why they are renewed."""
     T, Q, E = A.patch, A.queue, A.kind
     limit = t + AT_ONCE * abs(t)
-    # What acts on others acts with them; else some after the others, as the instant looks at all of its members.
-    most = len(A.begun) if E.together != 0 else _CHUNK
+    # Where no element knows of another some come after the others, as the instant looks at all of its members.
+    most = _CHUNK if A.alone != 0 and E.together == 0 else len(A.begun)
     begin_patch(A)
     # Down the heap as long as keys are that early; the members so far are the places still to look at.
     take_in(A, Q.heap[0])
