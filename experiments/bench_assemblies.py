@@ -10,7 +10,8 @@ Models
 chain         the reference chain of tests/chain_models.py: blocks on a belt, springs kc = 2 between neighbours,
               static friction 1.5 times the kinetic one by a hidden term, T = 30 (times 1000/n for fewer than 1000)
 Fs = Fk       the same chain with kinetic friction alone, which a run of all takes too without writing elements out
-uniform       equal blocks from equal places: all let go at one instant
+uniform       equal blocks from equal places: all let go at one instant, and worked out together then, at a cost that
+              grows with how many they are
 independent   the same blocks without springs
 network       the blocks on a random graph, four links each, T = 10
 slip_stick    a generalised Maxwell-slip law of n elements in prescribed motion (tests/family_models.py)
