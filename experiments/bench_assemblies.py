@@ -481,7 +481,7 @@ def draw(record, path):
             points = [(r["n"], r["µs an event"]) for r in rows if r["model"] == name]
             left.loglog(*zip(*points, strict=True), marker=mark, markersize=4, color=plotting.COLOUR[colour],
                         label=name.replace("_", "-"))  # fmt: skip
-        points = [(r["n"], r["µs an event, a run of all"]) for r in rows if "µs an event, a run of all" in r]
+        points = [(r["n"], r["µs an event, a run of all"]) for r in rows if r["µs an event, a run of all"]]
         left.loglog(
             *zip(*points, strict=True), "--x", color=plotting.COLOUR["mark"], label="chain, all renewed"
         )
@@ -521,6 +521,8 @@ def main():
     rows += event_costs("independent", sizes[1:], rounds)
     rows += event_costs("network", [n for n in sizes[1:] if n <= arguments.network], rounds)
     rows += slip_stick((10, 100, 1000), rounds)
+    columns = dict.fromkeys(name for row in rows for name in row)
+    rows = [{name: row.get(name) for name in columns} for row in rows]
     quiet = with_templates(lambda: quiescent((1000, sizes[-1]), 3 * rounds))
     record = {
         "options": vars(arguments), "provenance": provenance(), "ratios": bars(rows, quiet, ready),
