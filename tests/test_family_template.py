@@ -245,16 +245,29 @@ def test_an_equal_looped_model_stays_one():
     assert both("slip_stick", 8)[0].model != template.model
 
 
+def test_events_of_elements_have_instants_of_their_own():
+    blocks = Family(9)
+    y, w = blocks.symbols("y w")
+    later = Event(at=[blocks.index / 2, 4.7], update={w: w + 1}, name="kick")
+    runs = []
+    for least in (1, 10**9):
+        with template_from(least):
+            system = System({y: w, w: -y}, events=[later])
+        assert (system.model.families is None) == (least > 1)
+        runs.append(solve(system, (0, 5), {y: 1, w: 0}, t_eval=[1, 3, 5]))
+    looped, written = runs
+    np.testing.assert_allclose(looped.x, written.x, rtol=0, atol=1e-11)
+    assert [str(e) for e in looped.events] == [str(e) for e in written.events] and len(looped.events) == 18
+
+
 def test_what_has_no_looped_form_is_written_out():
     blocks = Family(9)
     y, w = blocks.symbols("y w")
     ball = Unilateral(y, restitution=0.5, name="R")
     near = Event(blocks.neighbour(y, 1, outside=2) - y, update={w: 0}, name="meet")
-    later = Event(at=[blocks.index], update={w: 0}, name="kick")
     for arguments in (
         {"rates": {y: w, w: ball.reaction - 1}, "contacts": [ball]},
         {"rates": {y: w, w: -y}, "events": [near]},
-        {"rates": {y: w, w: -y}, "events": [later]},
         {"rates": {y: w, w: -sp.Max(0, y - blocks.neighbour(y, 1))}},
     ):
         model = System(**arguments).model
