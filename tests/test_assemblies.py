@@ -1,6 +1,7 @@
 """Large families: events that write their neighbours or come at given times, what is kept, and checkpoints."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -10,9 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
+import zarr
 from family_models import template_from
 
-from pwsmooth import Event, Family, Recorder, Switch, System, solve
+from pwsmooth import Event, Family, Outcome, Recorder, Switch, System, solve
+from pwsmooth.paths import local
 
 TIGHT = dict(rtol=1e-12, atol=1e-14)
 
@@ -138,11 +141,13 @@ def test_avalanches_are_slips_of_neighbours_at_the_same_time():
 
 RUN = """
 import hashlib, sys
+from pathlib import Path
 import numpy as np
 from pwsmooth import Recorder, solve
 from pwsmooth.paths import local
 from test_assemblies import train
-local.SLICE = 200  # events between two looks
+local.SLICE = 200  # elements renewed between two looks
+print("begins" if not Path(sys.argv[1] + ".run").exists() else "goes on")
 system, start = train(400)
 record = Recorder(elements=[7], events=sys.argv[1] + ".zarr", checkpoint=sys.argv[1] + ".run", checkpoint_every=1000)
 run = solve(system, (0, 250), start, t_eval=np.linspace(0, 250, 51), record=record)
@@ -160,7 +165,7 @@ def test_a_run_that_was_killed_goes_on_with_the_same_bits(tmp_path):
         )  # fmt: skip
 
     whole = begun("whole").communicate()[0]
-    assert whole.startswith("FINISHED")
+    assert whole.startswith("begins\nFINISHED")
     for _ in range(2):
         process, file = begun("killed"), tmp_path / "killed.run"
         seen = file.stat().st_mtime_ns if file.exists() else 0
@@ -171,8 +176,94 @@ def test_a_run_that_was_killed_goes_on_with_the_same_bits(tmp_path):
                 break
             time.sleep(0.005)
         process.communicate()
-    assert begun("killed").communicate()[0] == whole
+        assert process.returncode == -signal.SIGKILL and file.exists()
+    assert begun("killed").communicate()[0] == whole.replace("begins", "goes on")
     assert not (tmp_path / "killed.run").exists()
+
+
+class _Interrupted(Exception):
+    pass
+
+
+@pytest.mark.parametrize("end", ["interrupt", "time"])
+def test_a_run_that_was_stopped_loses_no_event_and_goes_on(tmp_path, monkeypatch, end):
+    system, start = train(120)
+    monkeypatch.setattr(local, "SLICE", 50)
+    record = Recorder(events=tmp_path / "run.zarr", checkpoint=tmp_path / "run.chk", checkpoint_every=200)
+    whole = solve(system, (0, 60), start, local=True)
+    looks = []
+
+    def late(self):
+        looks.append(self)
+        if len(looks) == 120 and end == "interrupt":
+            raise _Interrupted
+        return len(looks) >= 120
+
+    with monkeypatch.context() as patch:
+        patch.setattr("pwsmooth.paths.budget.Budget.late", late)
+        if end == "interrupt":
+            with pytest.raises(_Interrupted):
+                solve(system, (0, 60), start, record=record)
+        else:
+            part = solve(system, (0, 60), start, record=record)
+            assert part.outcome is Outcome.TIME_LIMIT and 0 < part.t[-1] < 60
+            # Nothing after it, and all before it.
+            assert len(part.events) == np.sum(whole.events.times <= part.t[-1])
+    kept = zarr.open_group(tmp_path / "run.zarr", mode="r")["t"][:]
+    assert 200 < len(kept) < len(whole.events)
+    np.testing.assert_array_equal(kept, whole.events.times[: len(kept)])
+    rest = solve(system, (0, 60), start, record=record)
+    np.testing.assert_array_equal(rest.events.times, whole.events.times)
+    np.testing.assert_array_equal(rest.events.codes, whole.events.codes)
+    np.testing.assert_array_equal(rest.x, whole.x[:, [0, -1]])
+
+
+def test_a_checkpoint_whose_events_are_gone_is_refused(tmp_path, monkeypatch):
+    system, start = train(120)
+    record = Recorder(events=tmp_path / "run.zarr", checkpoint=tmp_path / "run.chk")
+    monkeypatch.setattr(local, "SLICE", 50)
+    assert solve(system, (0, 60), start, record=record, max_steps=40).outcome is Outcome.TOO_MANY_STEPS
+    shutil.rmtree(tmp_path / "run.zarr")
+    with pytest.raises(ValueError, match=r"has lost events .* bring them back, or remove the checkpoint"):
+        solve(system, (0, 60), start, record=record)
+    with pytest.raises(ValueError, match="give a folder for the events too"):
+        Recorder(checkpoint="run.chk")
+
+
+@pytest.mark.parametrize(
+    "make", [lambda: train(120), lambda: toppling("chain", 120)], ids=["train", "toppling"]
+)
+def test_an_event_for_which_there_is_no_room_happens_once(monkeypatch, make):
+    """Room is found too small at almost every event, before its instant and after."""
+    system, start = make()
+    whole = solve(system, (0, 60), start, local=True, t_eval=[0, 60])
+    met, bundles = [], local._Run._bundles
+
+    def narrow(run, most):
+        bundles(run, most)
+        patch, loop, grow = run.A.patch, run.loop, run._enlarge
+
+        def called(*arrays):
+            if not met or not met[-1]:
+                patch.most = 1
+            code = loop(*arrays)
+            met.append(code == Outcome.OUT_OF_MEMORY)
+            return code
+
+        def enlarge():
+            if patch.needs:
+                patch.most = patch.needs
+            else:
+                grow()
+
+        run.loop, run._enlarge = called, enlarge
+
+    monkeypatch.setattr(local._Run, "_bundles", narrow)
+    monkeypatch.setattr(local, "SLICE", 1)
+    found = solve(system, (0, 60), start, local=True, t_eval=[0, 60])
+    assert sum(met) > len(whole.events) / 2
+    np.testing.assert_array_equal(found.events.times, whole.events.times)
+    np.testing.assert_array_equal(found.x, whole.x)
 
 
 def test_many_elements_are_set_up_without_an_object_for_each():

@@ -24,7 +24,8 @@ class Recorder:
         A folder, named .zarr, that takes the events while the run goes on: memory does not grow with their number.
         What stands there is overwritten.
     checkpoint : path, optional
-        A file from which the same call goes on after it was killed, with the same bits; it is removed at the end.
+        A file from which the same call goes on after it was killed or has spent its time, with the same bits; it is
+        removed at the end. It wants `events`.
     checkpoint_every : int
         Events between two checkpoints.
     progress : bool
@@ -33,7 +34,7 @@ class Recorder:
     Raises
     ------
     ValueError, TypeError
-        Another type; a file name that is no folder of Zarr's.
+        Another type; a file name that is no folder of Zarr's; a checkpoint without a folder of events.
 
     Examples
     --------
@@ -62,3 +63,7 @@ class Recorder:
                 object.__setattr__(self, name, checks.path(getattr(self, name), f"`{name}`"))
         if self.events is not None and Path(self.events).suffix != ".zarr":
             raise ValueError(f"`events` is {str(self.events)!r}; give a name that ends in .zarr.")
+        if self.checkpoint is not None and self.events is None:
+            raise ValueError(
+                "`checkpoint` is given without `events`; give a folder for the events too, so that none is lost."
+            )

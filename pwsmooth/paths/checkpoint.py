@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from ..codegen.machine.cache import fingerprint
-from ..results.assembly import Writer
 
 # What the same call makes again.
 _STATIC = {"near", "reader_first", "reader", "p", "shift", "asked", "slip_share", "keeps", "number", "cell"}
@@ -24,7 +23,8 @@ class Saved:
 
     def __init__(self, run: Any, ends: np.ndarray, start: Any):
         self.run, self.path, self.every = run, run.record.checkpoint, run.record.checkpoint_every
-        told = repr((ends.tolist(), run.options, run.order, run.n, run.A.asked.tolist(), run.A.keeps.max()))
+        options = run.options._replace(max_steps=0)  # how far one call goes is no part of what it computes
+        told = repr((ends.tolist(), options, run.order, run.n, run.A.asked.tolist(), run.A.keeps.max()))
         content = (
             told.encode() + np.array(start, float).tobytes() + np.array(run.system.parameter_values).tobytes()
         )
@@ -52,8 +52,8 @@ class Saved:
             os.fsync(stream.fileno())
         os.replace(beside, self.path)
 
-    def load(self) -> None:
-        """Where the run was, if it was saved.
+    def load(self) -> int:
+        """Where the run was, if it was saved, and how many events it had kept.
 
         Raises
         ------
@@ -61,7 +61,7 @@ class Saved:
             The file is of another run.
         """
         if not self.path.exists():
-            return
+            return 0
         run = self.run
         with np.load(self.path) as kept:
             if str(kept["mark"]) != self.mark:
@@ -78,9 +78,10 @@ class Saved:
                     type(bundle).members[key].give(bundle, kept[name])
             if "initial.x" in kept:
                 run.initial = tuple(kept[f"initial.{name}"] for name in ("x", "mult", "status"))
-            run.log = Writer(run.record.events, run.log.states, int(kept["rows"]))
+            rows = int(kept["rows"])
         run.A.patch.shaped[:] = -1
         run.A.patch.most = run.most
+        return rows
 
     def remove(self) -> None:
         self.path.unlink(missing_ok=True)

@@ -339,7 +339,7 @@ class _Run:
         A = self.A = local.Assembly.zeros(
             sizes, kind=self._kind(), queue=queue, patch=patch, near=near, reader_first=first,
             reader=np.ascontiguousarray(pairs[:, 1]), asked=times, t=t0, t_end=t1, share=_SHARE,
-            alone=int(len(pairs) == 0), most=SLICE,
+            alone=int(len(pairs) == 0),
         )  # fmt: skip
         patch.stamp = 1
         patch.depth[:] = 1
@@ -379,11 +379,13 @@ class _Run:
         self._bundles(_FIRST_ROOM)
         text = self.template.model
         self.names = [str(s) for s in text.states]
-        self.log = Writer(record and record.events, [n.replace("[]", "") for n in self.names])
         saved = Saved(self, ends, start) if record and record.checkpoint else None
-        if saved:
-            saved.load()
-        code = self._advance(spending, saved)
+        rows = saved.load() if saved else 0
+        self.log = Writer(record and record.events, [n.replace("[]", "") for n in self.names], rows)
+        try:
+            code = self._advance(spending, saved)
+        finally:
+            self._flush()
         if code in (Outcome.TIME_LIMIT, Outcome.TOO_MANY_STEPS):
             self.A.halts = 1  # the states where it is now
             self.loop(self.A, self.P, self.C, self.S, self.R, self.W)
@@ -403,32 +405,33 @@ class _Run:
 
     def _advance(self, spending: Budget, saved: Saved | None) -> int:
         """Runs the kernel to the end; a code. It comes back now and then, to hear the clock and to give up events."""
-        A, shown, last = self.A, 0.0, self.log.rows
+        A, shown, last, spent = self.A, 0.0, self.log.rows, self.A.renewed // self.n
         while True:
-            before = A.renewed
+            A.due = A.renewed + max(1, int(min(SLICE, self.n * spending.left)))
             code = self.loop(A, self.P, self.C, self.S, self.R, self.W)
-            spending.spend((A.renewed - before) // self.n + 1)
+            spending.spend(A.renewed // self.n - spent)
+            spent = A.renewed // self.n
             if code == names.AGAIN and A.slabs == 2 and self.initial is None:
                 self.initial = A.x.copy(), A.mult.copy(), A.status.copy()
-            if A.events >= _FLUSHED or code not in (names.AGAIN, Outcome.OUT_OF_MEMORY):
-                self._flush()
-            if code == Outcome.OUT_OF_MEMORY:
+            if code == Outcome.OUT_OF_MEMORY:  # perhaps in the midst of an event: nothing else now
                 self._enlarge()
                 continue
             if code != names.AGAIN:
                 return code
-            if saved and self.log.rows + A.events >= last + saved.every:
+            late = spending.late()
+            stop = late or spending.left <= 0
+            due = saved is not None and (stop or self.log.rows + A.events >= last + saved.every)
+            if due or A.events >= _FLUSHED:
                 self._flush()
+            if due:
                 last = self.log.rows
                 saved.write()
             if self.record and self.record.progress and (now := time.monotonic()) > shown + 1.0:
                 shown = now
                 events = self.log.rows + A.events
                 print(f"t = {A.slab_begin:.6g}, {events} events, {A.actives} elements move", file=sys.stderr)
-            if spending.late():
-                return Outcome.TIME_LIMIT
-            if spending.left <= 0:
-                return Outcome.TOO_MANY_STEPS
+            if stop:
+                return Outcome.TIME_LIMIT if late else Outcome.TOO_MANY_STEPS
 
     def _flush(self) -> None:
         """Events from the kernel's buffers into the log."""

@@ -17,7 +17,6 @@ from ..definition import checks
 from .records import EventLog
 
 COLUMNS = {"t": "f8", "surface": "i4", "element": "i4", "kind": "i1", "came": "i1", "went": "i1"}
-_SLIPS = 3, 4  # kinds: slip by tangency, by fold
 _CHUNK = 2**18
 
 
@@ -199,7 +198,13 @@ class StoredLog(EventLog):
 
 
 class Writer:
-    """Takes events while a run goes on, in memory or in a folder."""
+    """Takes events while a run goes on, in memory or in a folder, behind the `rows` that the folder has.
+
+    Raises
+    ------
+    ValueError
+        The folder has fewer.
+    """
 
     def __init__(self, path: Path | None, states: Sequence[str], rows: int = 0):
         self.path, self.states, self.rows = path, tuple(states), 0
@@ -210,10 +215,16 @@ class Writer:
             return
         import zarr
 
-        if rows and path.exists():
-            self._group = zarr.open_group(path, mode="r+")
+        if rows:
+            found = zarr.open_group(path, mode="r+") if path.exists() else {}
+            if any(name not in found or found[name].shape[0] < rows for name in names):
+                raise ValueError(
+                    f"`events` {str(path)!r} has lost events of the run that goes on from its checkpoint, which has "
+                    f"{rows}; bring them back, or remove the checkpoint."
+                )
+            self._group = found
             for name in names:
-                self._group[name].resize((rows,))
+                found[name].resize((rows,))
             self.rows = rows
             return
         self._group = zarr.open_group(path, mode="w")

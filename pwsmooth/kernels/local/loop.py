@@ -261,8 +261,8 @@ def _take_in_failing(A):
 def _renew(A, P, C, S, R, W, t, stop, why):
     """New polynomials of the members of the patch from t on, up to `stop` at most; a code."""
     T = A.patch
-    settled, checked = why != EVENT, why == END_OF_SLAB
-    first = True
+    settled, checked = why != EVENT or T.kept != 0, why == END_OF_SLAB
+    first = T.kept == 0
     while True:
         if not close_rim(A) or not _has_room(A, P, S, R):
             return Outcome.OUT_OF_MEMORY
@@ -303,6 +303,7 @@ def _renew(A, P, C, S, R, W, t, stop, why):
         A.layers += S.layers
         S.steps = S.jets = S.layers = 0
         scatter(A, P, S, W, T.count)
+        T.kept = 1
         if code != GO_ON:
             return code
         h = W.step.length
@@ -318,6 +319,7 @@ def _renew(A, P, C, S, R, W, t, stop, why):
         A.grown += 1
         _take_in_failing(A)
     _keep(A, P, C, S, W, t, h)
+    T.kept = 0
     return GO_ON
 
 
@@ -448,6 +450,8 @@ def _renew_all(A, P, C, S, R, W):
     free = A.slab == 0.0 or A.alone != 0
     stop = A.t_end if free else A.slab_end
     while A.scanned < A.actives:
+        if A.renewed >= A.due:
+            return AGAIN
         i = A.active[A.scanned]
         if A.seen[i] != A.slabs and not is_wall(A, i):
             begin_patch(A)
@@ -462,6 +466,8 @@ def _renew_all(A, P, C, S, R, W):
                 A.trial = min(A.trial, W.step.length)
         A.scanned += 1
     while A.scanned_rest < A.actives:
+        if A.renewed >= A.due:
+            return AGAIN
         i = A.active[A.scanned_rest]
         if A.seen[i] != A.slabs:
             begin_patch(A)
@@ -546,25 +552,25 @@ def _meets_now(A, t):
 def _act(A, P, C, S, R, W):
     """All events of a slab, one instant after the other; a code."""
     T, Q = A.patch, A.queue
-    count = 0
     while Q.size > 0 and Q.key[Q.heap[0]] <= A.slab_end:
-        if count >= A.most:
+        if A.renewed >= A.due:
             return AGAIN  # to look at the clock
-        count += 1
         t = Q.key[Q.heap[0]]
-        why = _meets_now(A, t)
-        members = T.count
-        for k in range(members if why == EVENT else 0):
-            _take_in_targets(A, T.member[k])
-        if why == EXPIRY:
-            if t >= A.slab_end:
-                for k in range(T.count):
-                    put_in_queue(Q, T.member[k], math.inf)
-                    _activate(A, T.member[k])
-                continue
-            A.expiries += 1
-        reach(A, T.depth[int(why == EXPIRY), _bucket(A.slab_end - t)])
-        code = _renew(A, P, C, S, R, W, t, A.slab_end, why)
+        if T.kept != 0:
+            open_rim(A)
+        else:
+            T.why = _meets_now(A, t)
+            for k in range(T.count if T.why == EVENT else 0):
+                _take_in_targets(A, T.member[k])
+            if T.why == EXPIRY:
+                if t >= A.slab_end:
+                    for k in range(T.count):
+                        put_in_queue(Q, T.member[k], math.inf)
+                        _activate(A, T.member[k])
+                    continue
+                A.expiries += 1
+            reach(A, T.depth[int(T.why == EXPIRY), _bucket(A.slab_end - t)])
+        code = _renew(A, P, C, S, R, W, t, A.slab_end, T.why)
         if code != GO_ON:
             A.t = t
             if code == Outcome.AMBIGUITY:

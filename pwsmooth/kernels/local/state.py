@@ -100,6 +100,8 @@ class Patch(Bundle):
     easy: "i8[2, 128]"  # times in succession that it was more than enough
     most: "int"  # members and places for which there is room
     needs: "int"  # and for which there is to be
+    why: "int"  # it is renewed
+    kept: "int"  # 1: its instant is over, its polynomials are still to come, once there is room for them
 
 
 class Assembly(Bundle):
@@ -118,7 +120,7 @@ class Assembly(Bundle):
     slab: "float"  # length
     share: "float"  # of the tolerances, by which the rim of a patch may change
     alone: "int"  # 1: no element reads another one
-    most: "int"  # events before the run comes back to look at the clock
+    due: "int"  # so many renewed in all, and the run comes back to look at the clock
     way: "float"  # factor of the slab's length that is tried next
     # ---- elements
     near: "i4[elements, nr]"  # itself beyond an open end
