@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 from scipy.optimize import brentq
 
-from pwsmooth import Disc, Event, Memory, System, solve
+from pwsmooth import Disc, Event, Memory, Switch, System, solve
 
 t, x, y, z, vx, vy, vz = sp.symbols("t x y z vx vy vz", real=True)
 F1, F2, mu, rho = sp.symbols("F1 F2 mu rho", real=True)
@@ -336,3 +336,17 @@ def test_the_last_moments_before_rest_are_there_for_whoever_asks(block):
         told = (1.3 * size + speed[0] + 0.4 * speed[1]) / (1.3**2 - 1.16)
         assert told == pytest.approx(left, rel=1e-6, abs=1e-13)
         assert push == pytest.approx(speed[0] / size, abs=1e-9)
+
+
+def test_a_disc_and_a_switch_at_rest_are_settled_together():
+    """A block on a plate that rubs on the ground: whether one slips depends on the other, and the start is no event."""
+    x, y, u, vx, vy, w = sp.symbols("x y u v_x v_y w", real=True)
+    pull, drive = sp.symbols("pull drive", real=True)
+    lam, s = Disc("lam", (vx - w, vy)), Switch("s", w)
+    rates = {x: vx, y: vy, u: w, vx: pull - lam[0], vy: -lam[1], w: drive + lam[0] - 1.5 * s}
+    system = System(rates, parameters={pull: 0.0, drive: 0.0})
+    # Block and plate hold each other; the block slips on the plate that it holds; both go together.
+    for given, speeds in (((-0.9, 1.8), (0, 0)), ((-1.1, 1.8), (-0.1, 0)), ((-0.5, 2.6), (0.3, 0.3))):
+        solution = solve(system, (0, 1), [0] * 6, parameters=dict(zip((pull, drive), given, strict=True)))
+        assert solution.success and not solution.events and not solution.ambiguities
+        assert np.allclose(solution.x[[3, 5], -1], speeds, atol=1e-12)

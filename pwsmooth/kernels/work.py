@@ -150,6 +150,7 @@ class Onset(Bundle):
     beyond: "float"  # by how much the lambda that would hold a disc exceeds 1
     x: "f8[onset]"  # at its start
     first: "f8[onset]"  # rates there
+    still: "i8[onset]"  # states that another stick keeps at 0, of which all else is rounding
     mult: "f8[m]"
     level: "f8[m + ne]"  # surfaces there
     rate: "f8[8, m]"  # residuals at the nodes with the lambda guessed
@@ -162,7 +163,9 @@ class Onset(Bundle):
     y: "f8[8, onset]"  # states at the nodes
     k: "f8[8, onset]"  # rates
     slope: "f8[8, onset, onset]"  # their derivatives by the states
-    matrix: "f8[8*onset, 8*onset + 1]"
+    matrix: "f8[8*onset, 8*onset + 1]"  # of Newton's method, factored, and the order of its rows
+    rest: "f8[8*onset]"  # its right-hand side
+    change: "f8[8*onset]"  # and solution
 
 
 class Layer(Bundle):
@@ -241,6 +244,7 @@ class Instant(Bundle):
     arrival: "i8[m]"  # side of arrival of the active ones
     group: "i8[m]"  # those whose layers are settled together
     status: "i8[m]"  # kept over another look
+    before: "i8[m]"  # kept over another sweep
     mult: "f8[m]"
     gradient: "f8[n]"
     x: "f8[n]"  # before the motion is put to rest

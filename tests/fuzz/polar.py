@@ -611,6 +611,17 @@ def run(P, start, t, instants, log, found, margin, steps):
             if h < 1e-13:
                 return LOST, Y[N + K], states
             continue
+        if P.events and not armed and h > 1e-9:
+            # Behind an event the motion may leave its level and be back within a step: it must be seen below.
+            watched(P, new, slips, True, until, y, lam, dy, after)
+            unpack(P, Y, slips, y, lam)
+            rates(P, Y[N + K], y, lam, dy)
+            slope = 0.0
+            for i in range(N):
+                slope += P.event[i] * dy[i]
+            if slope < 0.0 and after[K + 1] >= 0.0:
+                h *= 0.25
+                continue
         watched(P, new, slips, armed, until, y, lam, dy, after)
         taken, what = h, -1
         if (after > 0.0).any():

@@ -13,6 +13,7 @@ from ..outcome import Outcome
 from ..state import (
     AMB_NEAR_MISS,
     AMB_REPELLING,
+    COMPONENT,
     DISC,
     EV_CROSSING,
     EV_RESET,
@@ -21,6 +22,7 @@ from ..state import (
     GO_ON,
     HELD,
     NOTHING,
+    SLIDING,
     SOLVED,
 )
 from ..step.recording import record_ambiguity, record_event
@@ -28,7 +30,7 @@ from ..surface.layer import ARRIVE
 from ..surface.sliding import INSIDE, mask_solved, put_in_slip
 from ..surface.sparse import solve_dense
 from ..surface.vector import begins, push_of_disc, pushes_back, slopes_of_disc
-from .settling import layer_code
+from .settling import layer_code, settle_at_rest
 
 _SWEEPS, _ALIKE = 200, 1e-10  # of discs that meet at an instant, and the change of lambda that ends them
 _BOUND = 1e-13  # by which lambda . lambda may exceed 1 in a stick
@@ -206,39 +208,52 @@ def _stands(P, S, j):
 
 
 @kernel
-def _settle_with_others(P, S, R, W):
-    """All discs at h = 0, each with what the others do, over and over until none changes; a code.
+def _settle_switches_at_rest(P, C, S, R, W):
+    """The switches that a jump has brought to rest on their surfaces, with the discs as they are; a code."""
+    size = 0
+    for j in range(P.m):
+        comes = W.instant.hit[j] and P.kind[j] == SLIDING and W.instant.came[j] != SOLVED
+        if comes and S.status[j] != HELD:
+            W.instant.active[size] = j
+            size += 1
+    return settle_at_rest(P, C, S, R, W, size) if size > 0 else GO_ON
+
+
+@kernel
+def _settle_with_others(P, C, S, R, W, jumped):
+    """All at h = 0, discs and after a jump switches, each with what the others do, until none changes; a code.
 
     Block by block that is the variational inequality on the product of their balls: what one does decides whether
     another slips.
     """
-    count = 0
+    count, ambiguities = 0, S.ambiguities
     for j in range(P.m):
-        if _stands(P, S, j):
+        if _stands(P, S, j) or (jumped and W.instant.hit[j] and P.kind[j] == SLIDING):
             count += 1
     for _ in range(_SWEEPS if count > 1 else 0):
+        for j in range(P.m):
+            W.instant.before[j], W.closing_mult[j] = S.status[j], S.mult[j]
+        S.ambiguities = ambiguities
+        code = _settle_switches_at_rest(P, C, S, R, W) if jumped else GO_ON
+        for j in range(P.m):
+            if code == GO_ON and _stands(P, S, j):
+                code = settle_disc(P, S, R, W, j, False)
+                if S.status[j] == SOLVED:
+                    S.deflate[j] = 0
+        if code != GO_ON:
+            return code
         change = 0.0
         for j in range(P.m):
-            if not _stands(P, S, j):
-                continue
-            was = S.status[j]
-            for k in range(P.dim[j]):
-                W.closing_y[k] = S.mult[j + 1 + k]
-            code = settle_disc(P, S, R, W, j, False)
-            if code != GO_ON:
-                return code
-            if S.status[j] == SOLVED:
-                S.deflate[j] = 0
-            change += 1.0 if S.status[j] != was else 0.0
-            for k in range(P.dim[j]):
-                change = max(change, abs(S.mult[j + 1 + k] - W.closing_y[k]))
+            change += 1.0 if S.status[j] != W.instant.before[j] else 0.0
+            if P.kind[j] == COMPONENT or P.kind[j] == SLIDING:
+                change = max(change, abs(S.mult[j] - W.closing_mult[j]))
         if change <= _ALIKE:
             break
     return GO_ON
 
 
 @kernel
-def settle_discs(P, S, R, W, jumped):
+def settle_discs(P, C, S, R, W, jumped):
     """Every disc that has come to h = 0 or whose force has left the friction circle; a code, and whether one has."""
     some, joins = False, False
     for j in range(P.m):
@@ -259,7 +274,7 @@ def settle_discs(P, S, R, W, jumped):
             return code, True
         joins = True
     if joins:
-        code = _settle_with_others(P, S, R, W)
+        code = _settle_with_others(P, C, S, R, W, jumped)
         if code != GO_ON:
             return code, True
         for j in range(P.m):
@@ -299,7 +314,7 @@ def release_discs(P, S, R, W):
 
 
 @kernel
-def resettle_discs(P, S, R, W):
+def resettle_discs(P, C, S, R, W):
     """Sticking discs whose force has jumped, together with those at rest beside them: a code."""
     for j in range(P.m):
         if P.kind[j] != DISC or S.status[j] != SOLVED:
@@ -308,5 +323,5 @@ def resettle_discs(P, S, R, W):
         # A switch that has settled may have solved for this lambda as well, and left it beyond its bound.
         if S.mult[j] > 1.0 + _SAME or not push_of_disc(P, S, W, j) <= _SAME * slope + _MOVED:
             code = settle_disc(P, S, R, W, j, False)
-            return _settle_with_others(P, S, R, W) if code == GO_ON else code
+            return _settle_with_others(P, C, S, R, W, W.instant.jumped != 0) if code == GO_ON else code
     return GO_ON

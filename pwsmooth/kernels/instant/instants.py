@@ -250,7 +250,7 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
         record_event(S, R, fold, EV_FOLD_TO_SLIDING if status[fold] == SOLVED else EV_FOLD, 0, status[fold])
         switched = True
     if P.discs != 0:
-        code, some = settle_discs(P, S, R, W, jumped)
+        code, some = settle_discs(P, C, S, R, W, jumped)
         if code != GO_ON:
             return code, True
         switched = switched or some
@@ -281,12 +281,12 @@ def _forget_what_was_met(P, S, W):
 
 
 @kernel
-def _follow_up(P, S, R, W):
+def _follow_up(P, C, S, R, W):
     """Switches inside surfaces that have jumped, and sliding ones whose residual has; returns a code."""
     sides_after_crossing(P, S, R, W)
     for j in range(P.m):
         W.instant.status[j] = S.status[j]
-    code = resettle_discs(P, S, R, W) if P.discs != 0 else GO_ON
+    code = resettle_discs(P, C, S, R, W) if P.discs != 0 else GO_ON
     if code == GO_ON:
         code = resettle(P, S, R, W)
     for j in range(P.m):
@@ -406,7 +406,7 @@ def at_instant(P, C, S, R, W):
         if code != GO_ON and code != NOTHING:
             return code
         if switched or code == GO_ON or contacts != UNCHANGED:
-            code = _follow_up(P, S, R, W)
+            code = _follow_up(P, C, S, R, W)
             if code != GO_ON:
                 return code
         if len(P.contact) == 0 or instant.look_again == 0:

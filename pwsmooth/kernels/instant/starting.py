@@ -64,6 +64,7 @@ def start(P, C, S, R, W):
     stay_at_rest(P, C, S, R, W)
     S.events, size = 0, 0
     for j in range(m):
+        instant.came[j] = status[j]
         if not instant.hit[j] or P.kind[j] == DISC or P.kind[j] == COMPONENT:
             continue
         if P.kind[j] == CONTACT:
@@ -81,7 +82,7 @@ def start(P, C, S, R, W):
             S.deflate[j] = abs(order)
     code = settle_at_rest(P, C, S, R, W, size) if size > 0 else GO_ON
     if code == GO_ON and P.discs != 0:
-        code, _ = settle_discs(P, S, R, W, True)
+        code, _ = settle_discs(P, C, S, R, W, True)
         S.events = 0
     # What the switches have become acts on the contacts that were looked at before them.
     instant.look_again = int(size > 0 and len(P.contact) > 0)

@@ -131,8 +131,7 @@ def _leave_step(P, C, S, R, W, j, size, step):
     for i in range(m):
         W.closing_end[i] = S.mult[i]
     for s in range(STAGES + 1, 16):
-        for i in range(_X + n):
-            look[i] = stage_point(y, k, s, i, step)
+        stage_point(y, k, s, _X + n, step, look)
         _closing_rates(P, S, W, j, size, look, k, s)
     for i in range(n + 1):
         at, row = _X + i if i < n else _TIME, rows[i if i < n else n + m]
@@ -223,8 +222,7 @@ def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
     for _ in range(most):
         before = along
         for s in range(1, STAGES + 1):
-            for i in range(_X + n):
-                new[i] = stage_point(y, k, s, i, step)
+            stage_point(y, k, s, _X + n, step, new)
             along = _closing_rates(P, S, W, j, size, new, k, s)
         error = _step_error(W, d, n, step)
         if not error <= 1.0:

@@ -16,13 +16,14 @@ from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_fields, call_linear, call_newton
 from ..state import DISC, SOLVED, START, Control, Problem, State
 from ..surface.sliding import INSIDE, mask_solved, put_in_slip
-from ..surface.sparse import solve_dense
+from ..surface.sparse import factor_dense, solve_factored
 from ..surface.vector import begins, push_of_disc, slopes_of_disc
 from ..work import Work
 from .tables import STAGES
 
 _LEGENDRE = np.polynomial.legendre
-_TRIES, _SWEEPS, _PICARD = 40, 12, 3
+_TRIES, _SWEEPS, _PICARD = 40, 16, 3
+_CHORD = 0.05  # of the change before: by less a sweep serves with the slopes that it has
 _STIFF = 1.0 / 18.0  # of 1/(d|lambda|/dt): later the series of the direction diverges before it is good
 _AHEAD = 1e-3  # of the longest step: where it is looked at how fast lambda passes its bound
 _AT_REST = 1e-7  # of the accelerations: a slip that begins with less begins with none
@@ -196,18 +197,23 @@ def _nudge(P, W, q, i, reach):
 
 @kernel
 def _stage(P, S, W, q, t):
-    """Overwrites onset.k[q], the rates at node q, and onset.slope[q], their slopes by the states; False if none."""
-    onset, n = W.onset, P.n
-    for i in range(n):
+    """Overwrites onset.k[q], the rates at node q; False if none."""
+    onset = W.onset
+    for i in range(P.n):
         S.x[i] = onset.y[q, i]
-    if not _rates(P, S, W, t):
-        return False
-    reach = 0.0
-    for i in range(n):
+    found = _rates(P, S, W, t)
+    for i in range(P.n):
         onset.k[q, i] = W.dx[i]
+        found = found and abs(W.dx[i]) < math.inf
+    return found
+
+
+@kernel
+def _slopes(P, S, W, q, t):
+    """Overwrites onset.slope[q], the derivatives by the states of what _stage has just left."""
+    onset, n, reach = W.onset, P.n, 0.0
+    for i in range(n):
         reach = max(reach, abs(onset.y[q, i] - onset.x[i]))
-        if not abs(W.dx[i]) < math.inf:
-            return False
     for j in range(P.m):
         onset.slips[j] = 0
         if P.kind[j] == DISC and S.status[j] == 1:
@@ -225,43 +231,57 @@ def _stage(P, S, W, q, t):
         for r in range(n):
             onset.slope[q, r, i] = (W.dx[r] - onset.k[q, r]) / moved
         S.x[i] = keep
-    return True
+
+
+@kernel
+def _factor(P, W, h):
+    """Factors the matrix of Newton's method; False if it is singular."""
+    onset, n, A = W.onset, P.n, W.onset.matrix
+    for q in range(STAGES):
+        for r in range(n):
+            row = q * n + r
+            for s in range(STAGES):
+                for i in range(n):
+                    A[row, s * n + i] = -h * WEIGHTS[q, s] * onset.slope[s, r, i]
+            A[row, row] += 1.0
+    return factor_dense(A, STAGES * n)
 
 
 @kernel
 def _solve(P, C, S, W, t, h):
-    """Newton's method for the states at the nodes; whether it converges."""
+    """Newton's method for the states at the nodes, with slopes anew where it is slow; whether it converges."""
     onset, n = W.onset, P.n
-    A, before = onset.matrix, math.inf
+    before, anew = math.inf, True
     for sweep in range(_SWEEPS):
         for q in range(STAGES):
             if not _stage(P, S, W, q, t + NODES[q] * h):
                 return False
+            if anew:
+                _slopes(P, S, W, q, t + NODES[q] * h)
+        if anew and not _factor(P, W, h):
+            return False
         for q in range(STAGES):
             for r in range(n):
-                row = q * n + r
                 rest = onset.y[q, r] - onset.x[r]
                 for s in range(STAGES):
                     rest -= h * WEIGHTS[q, s] * onset.k[s, r]
-                    for i in range(n):
-                        A[row, s * n + i] = -h * WEIGHTS[q, s] * onset.slope[s, r, i]
-                A[row, row] += 1.0
-                A[row, STAGES * n] = -rest
-        if not solve_dense(A, STAGES * n, 1):
-            return False
+                onset.rest[q * n + r] = -rest
+        solve_factored(onset.matrix, STAGES * n, onset.rest, onset.change)
         change, total = 0.0, 0.0
         for q in range(STAGES):
             for i in range(n):
-                step = A[q * n + i, STAGES * n]
+                step = onset.change[q * n + i]
                 # Beside the way since the start: of a slip that has just begun its own size is what matters.
                 way = abs(onset.y[q, i] - onset.x[i]) + 10.0 * C.atol[i]
-                change = max(change, (abs(step) - 4e-15 * abs(onset.y[q, i])) / way)
+                if onset.still[i] == 0:
+                    change = max(change, (abs(step) - 4e-15 * abs(onset.y[q, i])) / way)
                 onset.y[q, i] += step
                 total += step
-        if not abs(total) < math.inf or (sweep > 5 and change > before):
+        if not abs(total) < math.inf or (anew and sweep > 5 and change > before):
             return False
         if change <= 1e-12 or (sweep > 2 and change <= _ALIKE and change > 0.5 * before):
             return True
+        anew = change > _CHORD * before
         before = change
     return before <= _ALIKE
 
@@ -343,11 +363,13 @@ def onset(P, C, S, W, longest):
     start, n, t = W.onset, P.n, S.t
     start.solves, start.goes_on = 0, 1
     for i in range(n):
-        start.x[i] = S.x[i]
+        start.x[i], start.still[i] = S.x[i], 0
     for j in range(P.m):
         start.mult[j] = S.mult[j]
         if S.status[j] == SOLVED:
             start.solves = 1
+            if P.surface_state[j] >= 0:
+                start.still[P.surface_state[j]] = 1
     call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     for i in range(P.m + P.ne):
         start.level[i] = W.h[i]

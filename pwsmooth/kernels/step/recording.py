@@ -139,6 +139,11 @@ def record_event(S, R, index, kind, came, went):
 @kernel
 def record_ambiguity(S, R, index, kind, taken):
     i = S.ambiguities
+    for k in range(i - 1, -1, -1):
+        if R.ambiguity_t[k] != S.t:
+            break
+        if R.ambiguity[k, 0] == index and R.ambiguity[k, 1] == kind and R.ambiguity[k, 2] == taken:
+            return  # said at another look at this instant
     R.ambiguity_t[i] = S.t
     R.ambiguity[i, 0] = index
     R.ambiguity[i, 1] = kind

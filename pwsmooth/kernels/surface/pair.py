@@ -28,16 +28,17 @@ _BASIS = _basis()
 
 
 @kernel
-def stage_point(y, k, s, i, step):
-    """Component i of the point at which stage s is taken; stage 12 is the end of the step."""
-    total = 0.0
-    if s == STAGES:
-        for r in range(STAGES):
-            total += _B[r] * k[r, i]
-    else:
-        for r in range(s):
-            total += _A[s, r] * k[r, i]
-    return y[i] + step * total
+def stage_point(y, k, s, n, step, out):
+    """Overwrites out[:n] by the point at which stage s is taken; stage 12 is the end of the step."""
+    for i in range(n):
+        out[i] = 0.0
+    for r in range(s):
+        weight = _B[r] if s == STAGES else _A[s, r]
+        if weight != 0.0:
+            for i in range(n):
+                out[i] += weight * k[r, i]
+    for i in range(n):
+        out[i] = y[i] + step * out[i]
 
 
 @kernel

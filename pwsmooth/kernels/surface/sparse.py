@@ -77,6 +77,46 @@ def solve_dense(A, size, count):
 
 
 @kernel
+def factor_dense(A, size):
+    """Overwrites A[:size, :size] by its factors, with partial pivoting, and column `size` by the order of its rows;
+    False if singular."""
+    for i in range(size):
+        A[i, size] = i
+    for i in range(size):
+        best = i
+        for r in range(i + 1, size):
+            if abs(A[r, i]) > abs(A[best, i]):
+                best = r
+        if not abs(A[best, i]) > 0.0:
+            return False
+        if best != i:
+            for c in range(size + 1):
+                A[i, c], A[best, c] = A[best, c], A[i, c]
+        for r in range(i + 1, size):
+            if A[r, i] != 0.0:
+                factor = A[r, i] / A[i, i]
+                A[r, i] = factor
+                for c in range(i + 1, size):
+                    A[r, c] -= factor * A[i, c]
+    return True
+
+
+@kernel
+def solve_factored(A, size, b, u):
+    """Overwrites u by the solution for b, of the matrix whose factors stand in A."""
+    for i in range(size):
+        total = b[int(A[i, size])]
+        for c in range(i):
+            total -= A[i, c] * u[c]
+        u[i] = total
+    for i in range(size - 1, -1, -1):
+        total = u[i]
+        for c in range(i + 1, size):
+            total -= A[i, c] * u[c]
+        u[i] = total / A[i, i]
+
+
+@kernel
 def solve_masked(P, W):
     """Solves G u = b for the multipliers of W.mask, b and then u in W.linear.rhs; False if singular."""
     row, col, G, mask, b, place = P.g_row, P.g_col, W.G, W.mask, W.linear.rhs, W.linear.place

@@ -238,8 +238,7 @@ def _run_to_rest(P, V, j, size):
     for _ in range(_STEPS):
         before = along
         for s in range(1, STAGES + 1):
-            for i in range(length):
-                new[i] = stage_point(y, k, s, i, step)
+            stage_point(y, k, s, length, step, new)
             along = _rates(P, V, j, size, new, k, s)
         error = _step_error(P, V, d, step)
         if not error <= 1.0:

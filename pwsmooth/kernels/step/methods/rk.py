@@ -52,8 +52,7 @@ def _try_step(P, C, S, W, h):
     """One step of size h from (pair.x, pair.mult); leaves the end in S.x, S.mult. Returns the scaled error, or nan."""
     n, k, x0, t = P.n, W.pair.k, W.pair.x, S.t
     for s in range(STAGES + 1):
-        for i in range(n):
-            S.x[i] = stage_point(x0, k, s, i, h)
+        stage_point(x0, k, s, n, h, S.x)
         if not _rate(P, S, W, t + (TIMES[s] * h if s < STAGES else h), k, s):
             return math.nan
     e5, e3 = 0.0, 0.0
@@ -106,8 +105,7 @@ def _polynomials(P, S, W, h):
     found = True
     for s in range(3):
         stage = STAGES + 1 + s
-        for i in range(n):
-            S.x[i] = stage_point(pair.x, k, stage, i, h)
+        stage_point(pair.x, k, stage, n, h, S.x)
         found = found and _rate(P, S, W, t + TIMES[stage] * h, k, stage)
     for i in range(n):
         for c in range(rows.shape[1]):
