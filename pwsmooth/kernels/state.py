@@ -42,7 +42,8 @@ SOLVED, HELD = 0, 2
     AMB_CHATTERING,
     AMB_NEAR_MISS,
     AMB_INDETERMINATE,
-) = range(13)
+    AMB_FORCES,
+) = range(14)
 
 # Kinds of step: the jet with all multipliers fixed, or some solved; the Runge-Kutta pair; an arc by a fold; the first
 # one of a slip in a disc, and its last moments.

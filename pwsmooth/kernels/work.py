@@ -150,6 +150,7 @@ class Onset(Bundle):
     beyond: "float"  # by how much the lambda that would hold a disc exceeds 1
     x: "f8[onset]"  # at its start
     first: "f8[onset]"  # rates there
+    as_one: "int"  # whether discs begin to slip that depend on each other
     still: "i8[onset]"  # states that another stick keeps at 0, of which all else is rounding
     mult: "f8[m]"
     level: "f8[m + ne]"  # surfaces there
@@ -166,6 +167,24 @@ class Onset(Bundle):
     matrix: "f8[8*onset, 8*onset + 1]"  # of Newton's method, factored, and the order of its rows
     rest: "f8[8*onset]"  # its right-hand side
     change: "f8[8*onset]"  # and solution
+
+
+class Together(Bundle):
+    """Discs at rest whose surfaces depend on each other: see instant/together.py. Its size is that of all discs."""
+
+    size: "int"  # of the group
+    rank: "int"  # how many of its components determine the others
+    comp: "i8[discs]"  # its components
+    disc: "i8[discs]"  # whose they are
+    order: "i8[discs]"  # places in the group, those first that determine the others
+    pace: "f8[m]"  # |h| of discs that begin to move as one body, to a common factor; 0 of others
+    g: "f8[discs]"
+    J: "f8[discs, discs]"  # dG/dlambda
+    left: "f8[discs, discs]"  # of it, behind some pivots
+    lam: "f8[discs]"
+    goal: "f8[discs]"
+    change: "f8[discs]"
+    matrix: "f8[2*discs + 1, 2*discs + 2]"
 
 
 class Layer(Bundle):
@@ -278,6 +297,7 @@ class Work(Bundle):
     pair: Pair
     arc: Arc
     onset: Onset
+    together: Together
     layer: Layer
     contacts: Contacts
     firing: Firing

@@ -227,7 +227,7 @@ class _Run:
             "width": self.stride, "rows": rows, "fold_size": 0, "entries": entries,
             "gradients": gradients + m + ne, "fold_entries": 0, "fold_gradients": 0,
             "group": max(map(len, self.groups), default=0), "hubs": 0, "contacts": 0, "onset": 0, "room": 16,
-            "pieces": 0, "polynomials": 0, "order": 0, "tapes": 0, "times": 0,
+            "discs": 0, "pieces": 0, "polynomials": 0, "order": 0, "tapes": 0, "times": 0,
             "p": len(self.p_fixed) - len(self.own_parameters) + len(self.own_parameters) * places,
             "g_col": entries, "link_col": len(self.link_block) * members, "dh_col": gradients,
             **{f"flat_{name}": int((1 + (members - 1) * of["flat_own"]).sum()) for name, of in self.rows.items()},

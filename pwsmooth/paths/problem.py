@@ -265,6 +265,7 @@ class CompiledProblem:
             fold_gradients=len(fold.pattern("DH")[1]) + m + 1 + ne if fold else 0,
             group=int(np.diff(fixed["block_row"]).max(initial=0)), hubs=len(fixed["hub"]),
             contacts=len(fixed["contact"]), onset=n if fixed["discs"] else 0,
+            discs=sum(mu.kind == "component" for mu in self.model.multipliers),
         )  # fmt: skip
 
     def new_work(self, order: int, sizes: dict[str, int] | None = None):

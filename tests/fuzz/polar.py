@@ -611,8 +611,9 @@ def run(P, start, t, instants, log, found, margin, steps):
             if h < 1e-13:
                 return LOST, Y[N + K], states
             continue
-        if P.events and not armed and h > 1e-9:
-            # Behind an event the motion may leave its level and be back within a step: it must be seen below.
+        watched(P, Y, slips, True, until, y, lam, dy, after)
+        if P.events and not armed and h > 1e-9 and abs(after[K + 1]) < 1e-10:
+            # From its level behind an event the motion may be back within a step: it must be seen below.
             watched(P, new, slips, True, until, y, lam, dy, after)
             unpack(P, Y, slips, y, lam)
             rates(P, Y[N + K], y, lam, dy)

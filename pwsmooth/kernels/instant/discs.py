@@ -8,7 +8,7 @@ direction there is one of the two and no layer is needed (the variational inequa
 import math
 
 from ..machine.compiling import kernel
-from ..machine.pointers import call_layer_unit, call_newton
+from ..machine.pointers import call_fields, call_layer_unit, call_linear, call_newton
 from ..outcome import Outcome
 from ..state import (
     AMB_NEAR_MISS,
@@ -28,9 +28,10 @@ from ..state import (
 from ..step.recording import record_ambiguity, record_event
 from ..surface.layer import ARRIVE
 from ..surface.sliding import INSIDE, mask_solved, put_in_slip
-from ..surface.sparse import solve_dense
+from ..surface.sparse import link, solve_dense
 from ..surface.vector import begins, push_of_disc, pushes_back, slopes_of_disc
 from .settling import layer_code, settle_at_rest
+from .together import depend, settle_dependent
 
 _SWEEPS, _ALIKE = 200, 1e-10  # of discs that meet at an instant, and the change of lambda that ends them
 _BOUND = 1e-13  # by which lambda . lambda may exceed 1 in a stick
@@ -38,6 +39,7 @@ _MOVED = 1e-12  # of G, above which something acts
 _SAME = 1e-9  # of lambda: by less the force of a stick has not jumped
 _LOOK = 1e-6  # of time, ahead
 _NUDGE = 1e-4  # of lambda, from a root that repels
+_STILL = 10.0  # tolerances of h: what may be left of a slip where another one has come to rest
 
 
 @kernel
@@ -135,6 +137,9 @@ def settle_disc(P, S, R, W, j, arrives):
     for k in range(j + 1, j + 1 + d):
         W.instant.mult[k] = S.mult[k]
     hold(P, S, j)
+    W.together.pace[j] = 0.0
+    if depend(P, S, W, j):
+        return settle_dependent(P, S, R, W, False)
     slope = slopes_of_disc(P, S, W, j)
     push = push_of_disc(P, S, W, j)
     if slope == 0.0:
@@ -253,23 +258,61 @@ def _settle_with_others(P, C, S, R, W, jumped):
 
 
 @kernel
+def _arrive_together(P, C, S, W):
+    """Discs that are at rest as well, to the tolerance, where one that they are linked to has come to rest: the points
+    of one body. All are held before any is looked at: what one does depends on that the others rest."""
+    for j in range(P.m):
+        if P.kind[j] != DISC or not W.instant.hit[j] or S.status[j] != 1:
+            continue
+        link(P, S, W, j + 1)
+        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+        call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+        some = False
+        for k in range(P.m):
+            if P.kind[k] != DISC or S.status[k] != 1 or begins(P, S, k) or k == j:
+                continue
+            linked, tolerance = False, C.rtol * math.sqrt(W.meeting.widest[k])
+            for i in range(k + 1, k + 1 + P.dim[k]):
+                linked = linked or W.linear.linked[i] != 0
+                for e in range(P.dh_row[i], P.dh_row[i + 1]):
+                    tolerance += abs(W.dh[e]) * C.atol[P.dh_col[e]]
+            if linked and W.h[k] <= (_STILL * tolerance) ** 2:
+                W.instant.hit[k] = some = True
+                hold(P, S, k)
+        if some:
+            hold(P, S, j)
+
+
+@kernel
 def settle_discs(P, C, S, R, W, jumped):
     """Every disc that has come to h = 0 or whose force has left the friction circle; a code, and whether one has."""
     some, joins = False, False
     for j in range(P.m):
         if P.kind[j] == DISC:
             W.instant.came[j] = S.status[j]
+    if not jumped:
+        _arrive_together(P, C, S, W)
     for j in range(P.m):
         if P.kind[j] != DISC or not W.instant.hit[j]:
             continue
         some = True
-        if S.status[j] == SOLVED and not jumped:
-            release(P, S, j)
-            record_event(S, R, j, EV_TANGENCY, 0, 1)
-            W.instant.came[j] = 1
+        if W.instant.came[j] == SOLVED and not jumped:
             W.instant.hit[j] = False
+            code = GO_ON
+            if depend(P, S, W, j):
+                for i in range(W.together.size):
+                    W.instant.hit[P.disc_of[W.together.comp[i]]] = False
+                code = settle_dependent(P, S, R, W, True)
+            else:
+                release(P, S, j)
+            for k in range(P.m):
+                if P.kind[k] == DISC and W.instant.came[k] == SOLVED and S.status[k] == 1:
+                    record_event(S, R, k, EV_TANGENCY, 0, 1)
+                    W.instant.came[k] = 1
+            if code != GO_ON:
+                return code, True
             continue
-        code = settle_disc(P, S, R, W, j, S.status[j] == 1 and not jumped)
+        code = settle_disc(P, S, R, W, j, W.instant.came[j] == 1 and not jumped)
         if code != GO_ON:
             return code, True
         joins = True

@@ -15,6 +15,7 @@ from numba import types
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_fields, call_linear, call_newton
 from ..state import DISC, SOLVED, START, Control, Problem, State
+from ..surface.dependent import gather_leaving, pace_of_leaving
 from ..surface.sliding import INSIDE, mask_solved, put_in_slip
 from ..surface.sparse import factor_dense, solve_factored
 from ..surface.vector import begins, push_of_disc, slopes_of_disc
@@ -130,9 +131,33 @@ def _guess_path(P, S, W, h):
 
 
 @kernel
+def _guess_as_one(P, S, W, h):
+    """Overwrites onset.y, the states at the nodes, by a body that begins to move with several discs at once."""
+    onset, group, t0 = W.onset, W.together, S.t
+    for q in range(STAGES):
+        _go_along(P, S, W, t0, NODES[q] * h)
+        onset.rate[q, 0] = pace_of_leaving(P, S, W)
+    for q in range(STAGES):
+        _go_along(P, S, W, t0, NODES[q] * h)
+        way = 0.0
+        for r in range(STAGES):
+            way += h * WEIGHTS[q, r] * onset.rate[r, 0]
+        for _ in range(_SWEEPS):  # none of these surfaces can be moved without the others
+            for j in range(P.m):
+                if begins(P, S, j):
+                    put_in_slip(P, S, j, way * group.pace[j], S.mult, W)
+        for i in range(P.n):
+            onset.y[q, i] = S.x[i]
+    S.t = t0
+
+
+@kernel
 def _guess(P, S, W, h):
     """Overwrites onset.y, the states at the nodes: of that motion, with the slip that its residuals make."""
     onset, t0 = W.onset, S.t
+    if onset.as_one:
+        _guess_as_one(P, S, W, h)
+        return
     _guess_path(P, S, W, h)
     for q in range(STAGES):
         _stand(P, S, W, q, t0 + NODES[q] * h)
@@ -387,6 +412,7 @@ def onset(P, C, S, W, longest):
             for k in range(j + 1, j + 1 + P.dim[j]):
                 start.level[k] = 0.0
     start.rests = 1 if fastest <= _AT_REST * size else 0
+    start.as_one = 1 if start.rests and not start.goes_on and gather_leaving(P, S, W) else 0
     h = longest
     if start.rests and not start.goes_on:
         ahead = _AHEAD * longest

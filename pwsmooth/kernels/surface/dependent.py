@@ -1,0 +1,149 @@
+"""G of several discs whose surfaces depend on each other, as a function of their lambda together."""
+
+import math
+
+from ..machine.compiling import kernel
+from ..machine.pointers import call_fields, call_newton
+from ..state import DISC, SOLVED
+from .sliding import mask_instant
+from .sparse import link, solve_dense
+from .vector import begins
+
+_DELTA = 1e-4  # of lambda
+_DEPENDS = 1e-9  # of the largest pivot: what is left of a surface that the others determine
+_CORNER = 1e-9  # of the largest square of a row of J: of less it is not made
+
+
+@kernel
+def gather(P, S, W, j):
+    """Overwrites W.together.comp by the components of disc j and of those at h = 0 that are linked to it; how many."""
+    group, q = W.together, 0
+    link(P, S, W, j + 1)
+    for k in range(P.m):
+        if P.kind[k] != DISC or (k != j and S.status[k] != SOLVED and not begins(P, S, k)):
+            continue
+        linked, hidden = k == j, False
+        for i in range(k + 1, k + 1 + P.dim[k]):
+            linked = linked or W.linear.linked[i] != 0
+            hidden = hidden or P.hidden[i] != 0
+        if not linked or (hidden and k != j):
+            continue
+        if hidden:
+            return 0
+        for i in range(k + 1, k + 1 + P.dim[k]):
+            group.comp[q] = i
+            q += 1
+    return q
+
+
+@kernel
+def residuals(P, S, W, q):
+    """Overwrites together.g by G of the group at the lambda in S.mult; whatever else is solved follows."""
+    if mask_instant(P, S, W):
+        some = False
+        for i in range(q):
+            W.mask[W.together.comp[i]] = 0
+        for k in range(P.m):
+            some = some or W.mask[k] != 0
+        if some:
+            call_newton(P.newton_unit, P, S, W)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    for i in range(q):
+        W.together.g[i] = W.g[W.together.comp[i]]
+
+
+@kernel
+def slopes_of_group(P, S, W, q):
+    """Overwrites together.J by dG/dlambda of the group, and together.g by G; returns the largest |G|."""
+    group = W.together
+    for c in range(q):
+        k = group.comp[c]
+        keep = S.mult[k]
+        for sign in range(2):
+            S.mult[k] = keep + (_DELTA if sign == 0 else -_DELTA)
+            residuals(P, S, W, q)
+            for r in range(q):
+                group.J[r, c] = group.g[r] if sign == 0 else (group.J[r, c] - group.g[r]) / (2.0 * _DELTA)
+        S.mult[k] = keep
+    residuals(P, S, W, q)
+    largest = 0.0
+    for r in range(q):
+        largest = max(largest, abs(group.g[r]))
+    return largest
+
+
+@kernel
+def independent(W, q):
+    """Overwrites together.order by the components of the group, those first that determine the others; how many."""
+    group = W.together
+    A, order, first = group.left, group.order, 0.0
+    for r in range(q):
+        order[r] = r
+        for c in range(q):
+            A[r, c] = group.J[r, c]
+    for i in range(q):
+        best = i
+        for r in range(i + 1, q):
+            if abs(A[order[r], order[r]]) > abs(A[order[best], order[best]]):
+                best = r
+        order[i], order[best] = order[best], order[i]
+        p = order[i]
+        first = max(first, abs(A[p, p]))
+        if not abs(A[p, p]) > _DEPENDS * first:
+            return i
+        for r in range(i + 1, q):
+            factor = A[order[r], p] / A[p, p]
+            for c in range(i + 1, q):
+                A[order[r], order[c]] -= factor * A[p, order[c]]
+    return q
+
+
+@kernel
+def gather_leaving(P, S, W):
+    """Overwrites W.together by the discs that begin to move as one body, with their slopes; whether there are any."""
+    group, q = W.together, 0
+    for k in range(P.m):
+        if begins(P, S, k) and group.pace[k] > 0.0:
+            for i in range(k + 1, k + 1 + P.dim[k]):
+                group.comp[q] = i
+                q += 1
+    group.size = q
+    if q > 0:
+        slopes_of_group(P, S, W, q)
+        group.rank = independent(W, q)
+    return q > 0
+
+
+@kernel
+def pace_of_leaving(P, S, W):
+    """d/dt of the common factor of all h of that group, which go in the directions in S.mult as W.together.pace has.
+
+    G + J tau = rate pace n, where tau, how the directions turn, is normal to each and as short as it can be; at a corner
+    of the limit surface, where no tau does, with the least rest.
+    """
+    group, q, rank, A = W.together, W.together.size, W.together.rank, W.together.matrix
+    largest = 0.0
+    residuals(P, S, W, q)
+    for r in range(rank):
+        # Row r of J without what is along the directions.
+        row = group.order[r]
+        for i in range(q):
+            j = P.disc_of[group.comp[i]]
+            along = 0.0
+            for c in range(q):
+                if P.disc_of[group.comp[c]] == j:
+                    along += group.J[row, c] * S.mult[group.comp[c]]
+            group.left[r, i] = group.J[row, i] - along * S.mult[group.comp[i]]
+    for r in range(rank):
+        row = group.order[r]
+        for c in range(rank):
+            A[r, c] = 0.0
+            for i in range(q):
+                A[r, c] += group.left[r, i] * group.left[c, i]
+        speed = group.pace[P.disc_of[group.comp[row]]] * S.mult[group.comp[row]]
+        A[r, rank], A[rank, r], A[r, rank + 1] = -speed, speed, -group.g[row]
+        largest = max(largest, A[r, r])
+    for r in range(rank):
+        A[r, r] += _CORNER * largest
+    A[rank, rank] = A[rank, rank + 1] = 0.0
+    return A[rank, rank + 1] if solve_dense(A, rank + 1, 1) else math.nan
