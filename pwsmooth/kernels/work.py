@@ -177,7 +177,7 @@ class Together(Bundle):
     comp: "i8[discs]"  # its components
     disc: "i8[discs]"  # whose they are
     order: "i8[discs]"  # places in the group, those first that determine the others
-    pace: "f8[m]"  # |h| of discs that begin to move as one body, to a common factor; 0 of others
+    move: "f8[m]"  # h of discs that begin to move as one body, to a common factor; 0 of others
     g: "f8[discs]"
     J: "f8[discs, discs]"  # dG/dlambda
     left: "f8[discs, discs]"  # of it, behind some pivots

@@ -137,7 +137,8 @@ def settle_disc(P, S, R, W, j, arrives):
     for k in range(j + 1, j + 1 + d):
         W.instant.mult[k] = S.mult[k]
     hold(P, S, j)
-    W.together.pace[j] = 0.0
+    for k in range(j + 1, j + 1 + d):
+        W.together.move[k] = 0.0
     if depend(P, S, W, j):
         return settle_dependent(P, S, R, W, False)
     slope = slopes_of_disc(P, S, W, j)

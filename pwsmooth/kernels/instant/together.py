@@ -21,7 +21,7 @@ from ..surface.sparse import solve_dense
 _ALIKE = 1e-12  # of G
 _FULL = 1e-12  # of the balls: with less left the body begins to move
 _CENTRED, _GAP, _ITERATIONS = 0.25, 1e-13, 200  # of the interior-point method: how fast its weight falls, and to what
-_DUAL = 1e-7  # of it: where the distances from the bounds are known well
+_DUAL = 1e-7  # of it: where the dual variables are known well
 _TURNS = 1e-5  # of the balls: a point with more left is one about which the body turns
 _SWEEPS, _NEWTON = 20_000, 20
 
@@ -135,12 +135,11 @@ def _least_load(P, S, W, rank):
         s += share * A[q, size]
         if share == 1.0:
             if weight >= _DUAL * s:
-                # How fast each begins to move, if they do, to a common factor: the dual variables of the balls.
-                i = 0
-                while i < q:
-                    square, d = _square(W, i)
-                    group.pace[group.disc[i]] = 1.0 / (s * s - square)
-                    i += d
+                # How they begin to move, if they do, to a common factor: what is dual to G = 0.
+                for i in range(q):
+                    group.move[group.comp[i]] = 0.0
+                    for r in range(rank):
+                        group.move[group.comp[i]] -= group.J[order[r], i] * A[q + 1 + r, size] * weight
             if weight <= last:
                 break
             weight = max(last, _CENTRED * weight)
@@ -257,13 +256,12 @@ def settle_dependent(P, S, R, W, leaves):
         for r in range(i, i + d):
             k = group.comp[r]
             S.status[k], S.deflate[k] = 1, 0
+            group.move[k] = group.move[k] if slips and leaves else 0.0
             if slips:
                 S.mult[k] /= size
             else:
                 group.comp[sticking] = k
                 sticking += 1
-        if not slips or not leaves:
-            group.pace[j] = 0.0
         if not slips:
             S.mult[j] = min(square, INSIDE)
         i += d

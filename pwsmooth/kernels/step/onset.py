@@ -145,7 +145,7 @@ def _guess_as_one(P, S, W, h):
         for _ in range(_SWEEPS):  # none of these surfaces can be moved without the others
             for j in range(P.m):
                 if begins(P, S, j):
-                    put_in_slip(P, S, j, way * group.pace[j], S.mult, W)
+                    put_in_slip(P, S, j, way, group.move, W)
         for i in range(P.n):
             onset.y[q, i] = S.x[i]
     S.t = t0

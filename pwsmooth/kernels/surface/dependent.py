@@ -103,7 +103,7 @@ def gather_leaving(P, S, W):
     """Overwrites W.together by the discs that begin to move as one body, with their slopes; whether there are any."""
     group, q = W.together, 0
     for k in range(P.m):
-        if begins(P, S, k) and group.pace[k] > 0.0:
+        if begins(P, S, k) and (group.move[k + 1] != 0.0 or group.move[k + 2] != 0.0):
             for i in range(k + 1, k + 1 + P.dim[k]):
                 group.comp[q] = i
                 q += 1
@@ -116,9 +116,9 @@ def gather_leaving(P, S, W):
 
 @kernel
 def pace_of_leaving(P, S, W):
-    """d/dt of the common factor of all h of that group, which go in the directions in S.mult as W.together.pace has.
+    """d/dt of the common factor of all h of that group, which are as W.together.move.
 
-    G + J tau = rate pace n, where tau, how the directions turn, is normal to each and as short as it can be; at a corner
+    G + J tau = rate move, where tau, how the directions turn, is normal to each and as short as it can be; at a corner
     of the limit surface, where no tau does, with the least rest.
     """
     group, q, rank, A = W.together, W.together.size, W.together.rank, W.together.matrix
@@ -140,7 +140,7 @@ def pace_of_leaving(P, S, W):
             A[r, c] = 0.0
             for i in range(q):
                 A[r, c] += group.left[r, i] * group.left[c, i]
-        speed = group.pace[P.disc_of[group.comp[row]]] * S.mult[group.comp[row]]
+        speed = group.move[group.comp[row]]
         A[r, rank], A[rank, r], A[r, rank + 1] = -speed, speed, -group.g[row]
         largest = max(largest, A[r, r])
     for r in range(rank):
