@@ -14,14 +14,19 @@ from ..machine.pointers import call_newton
 from ..outcome import Outcome
 from ..state import AMB_FORCES, GO_ON, SOLVED
 from ..step.recording import record_ambiguity
-from ..surface.dependent import gather, independent, slopes_of_group
+from ..surface.dependent import (
+    gather,
+    independent,
+    largest_lambda,
+    least_load,
+    slopes_of_group,
+    square_of_disc,
+)
 from ..surface.sliding import INSIDE, mask_solved
 from ..surface.sparse import solve_dense
 
 _ALIKE = 1e-12  # of G
 _FULL = 1e-12  # of the balls: with less left the body begins to move
-_CENTRED, _GAP, _ITERATIONS = 0.25, 1e-13, 200  # of the interior-point method: how fast its weight falls, and to what
-_DUAL = 1e-7  # of it: where the dual variables are known well
 _TURNS = 1e-5  # of the balls: a point with more left is one about which the body turns
 _SWEEPS, _NEWTON = 20_000, 20
 
@@ -33,117 +38,11 @@ def depend(P, S, W, j):
     if q <= P.dim[j]:
         return False
     for i in range(q):
-        S.mult[P.disc_of[W.together.comp[i]]] = INSIDE
+        W.together.disc[i] = P.disc_of[W.together.comp[i]]
+        S.mult[W.together.disc[i]] = INSIDE
     slopes_of_group(P, S, W, q)
     W.together.size = q
     return independent(W, q) < q
-
-
-@kernel
-def _square(W, i):
-    """(|lambda|^2 in together.lam of the disc whose components begin at i, how many these are)."""
-    group, d, total = W.together, 0, 0.0
-    while i + d < group.size and group.disc[i + d] == group.disc[i]:
-        total += group.lam[i + d] ** 2
-        d += 1
-    return total, d
-
-
-@kernel
-def _largest(W):
-    """The largest |lambda| in together.lam."""
-    i, largest = 0, 0.0
-    while i < W.together.size:
-        square, d = _square(W, i)
-        largest = max(largest, square)
-        i += d
-    return math.sqrt(largest)
-
-
-@kernel
-def _least_load(P, S, W, rank):
-    """Overwrites together.lam by the lambda with G = 0, by slopes in together.J, whose largest |lambda_k| is least, to
-    the end of the path of centres to it; returns a bound of all |lambda_k|, inf if there is none.
-
-    minimise s - w sum log(s^2 - |lambda_k|^2) by Newton's method, with w falling to 0 (Boyd and Vandenberghe 2004, 11).
-    """
-    group, q = W.together, W.together.size
-    A, order, lam = group.matrix, group.order, group.lam
-    # The shortest lambda to begin with, J'y with J J'y = b.
-    for r in range(rank):
-        total = -group.g[order[r]]
-        for c in range(q):
-            total += group.J[order[r], c] * S.mult[group.comp[c]]
-        group.goal[r] = A[r, rank] = total
-        for c in range(rank):
-            A[r, c] = 0.0
-            for i in range(q):
-                A[r, c] += group.J[order[r], i] * group.J[order[c], i]
-    if not solve_dense(A, rank, 1):
-        return math.inf
-    for i in range(q):
-        lam[i] = 0.0
-        for r in range(rank):
-            lam[i] += group.J[order[r], i] * A[r, rank]
-    s = 1.5 * _largest(W)
-    if s == 0.0:
-        return 0.0
-    weight, last, size = s, _GAP * s, q + 1 + rank
-    for _ in range(_ITERATIONS):
-        for r in range(size):
-            for c in range(size + 1):
-                A[r, c] = 0.0
-        A[q, size] = -1.0 / weight
-        i = 0
-        while i < q:
-            square, d = _square(W, i)
-            left = s * s - square
-            for r in range(i, i + d):
-                for c in range(i, i + d):
-                    A[r, c] = 4.0 * lam[r] * lam[c] / left**2 + (2.0 / left if r == c else 0.0)
-                A[r, q] = A[q, r] = -4.0 * s * lam[r] / left**2
-                A[r, size] = -2.0 * lam[r] / left
-            A[q, q] += 4.0 * s * s / left**2 - 2.0 / left
-            A[q, size] += 2.0 * s / left
-            i += d
-        for r in range(rank):
-            rest = group.goal[r]
-            for c in range(q):
-                A[q + 1 + r, c] = A[c, q + 1 + r] = group.J[order[r], c]
-                rest -= group.J[order[r], c] * lam[c]
-            A[q + 1 + r, size] = rest
-        if not solve_dense(A, size, 1):
-            break
-        # As far as all stay inside.
-        share = 1.0
-        for i in range(q):
-            group.change[i] = A[i, size]
-        for _ in range(60):
-            i, inside = 0, True
-            while i < q:
-                square, d = 0.0, _square(W, i)[1]
-                for r in range(i, i + d):
-                    square += (lam[r] + share * group.change[r]) ** 2
-                ahead = s + share * A[q, size]
-                inside = inside and ahead > 0.0 and ahead * ahead > square
-                i += d
-            if inside:
-                break
-            share *= 0.5
-        for i in range(q):
-            lam[i] += share * group.change[i]
-        s += share * A[q, size]
-        if share == 1.0:
-            if weight >= _DUAL * s:
-                # How they begin to move, if they do, to a common factor: what is dual to G = 0.
-                for i in range(q):
-                    group.move[group.comp[i]] = 0.0
-                    for r in range(rank):
-                        group.move[group.comp[i]] -= group.J[order[r], i] * A[q + 1 + r, size] * weight
-            if weight <= last:
-                break
-            weight = max(last, _CENTRED * weight)
-    return s
 
 
 @kernel
@@ -154,7 +53,7 @@ def _slip(W):
     for _ in range(_SWEEPS):
         change, i = 0.0, 0
         while i < q:
-            d = _square(W, i)[1]
+            d = square_of_disc(W, i)[1]
             for r in range(i, i + d):
                 group.goal[r] = group.g[r]
                 for c in range(i, i + d):
@@ -212,7 +111,7 @@ def _rests_already(P, S, W, q):
     largest = slopes_of_group(P, S, W, q)
     for i in range(q):
         pull = max(pull, abs(group.J[i, i]))
-    return largest <= _ALIKE * pull and _largest(W) <= 1.0
+    return largest <= _ALIKE * pull and largest_lambda(W) <= 1.0
 
 
 @kernel
@@ -224,12 +123,11 @@ def settle_dependent(P, S, R, W, leaves):
     group, load = W.together, math.inf
     q = group.size
     for i in range(q):
-        group.disc[i] = P.disc_of[group.comp[i]]
         group.lam[i] = S.mult[group.comp[i]]
     rests = _rests_already(P, S, W, q) and not leaves
     for _ in range(0 if rests else _NEWTON):
         largest = slopes_of_group(P, S, W, q)
-        load = _least_load(P, S, W, independent(W, q))
+        load = least_load(P, S, W, independent(W, q))
         if not load < math.inf:
             return Outcome.NO_ROOT
         if load > 1.0 and not leaves:
@@ -246,7 +144,7 @@ def settle_dependent(P, S, R, W, leaves):
     # What slips keeps its direction; of what sticks as much is solved for as is independent.
     i, sticking = 0, 0
     while i < q:
-        square, d = _square(W, i)
+        square, d = square_of_disc(W, i)
         j = group.disc[i]
         size = math.sqrt(square)
         slips = moves and size >= (load * (1.0 - _TURNS) if leaves else 1.0 - _ALIKE)

@@ -137,15 +137,19 @@ def _guess_as_one(P, S, W, h):
     for q in range(STAGES):
         _go_along(P, S, W, t0, NODES[q] * h)
         onset.rate[q, 0] = pace_of_leaving(P, S, W)
+        for j in range(P.m):
+            onset.toward[q, j] = group.move[j]
     for q in range(STAGES):
         _go_along(P, S, W, t0, NODES[q] * h)
         way = 0.0
         for r in range(STAGES):
             way += h * WEIGHTS[q, r] * onset.rate[r, 0]
+        for j in range(P.m):
+            onset.goal[j] = onset.toward[q, j]
         for _ in range(_SWEEPS):  # none of these surfaces can be moved without the others
             for j in range(P.m):
                 if begins(P, S, j):
-                    put_in_slip(P, S, j, way, group.move, W)
+                    put_in_slip(P, S, j, way, onset.goal, W)
         for i in range(P.n):
             onset.y[q, i] = S.x[i]
     S.t = t0

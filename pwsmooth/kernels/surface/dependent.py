@@ -11,6 +11,8 @@ from .vector import begins
 
 _DELTA = 1e-4  # of lambda
 _DEPENDS = 1e-9  # of the largest pivot: what is left of a surface that the others determine
+_CENTRED, _GAP, _ITERATIONS = 0.25, 1e-13, 200  # of the interior-point method: how fast its weight falls, and to what
+_DUAL = 1e-7  # of it: where the dual variables are known well
 _CORNER = 1e-9  # of the largest square of a row of J: of less it is not made
 
 
@@ -99,13 +101,120 @@ def independent(W, q):
 
 
 @kernel
+def square_of_disc(W, i):
+    """(|lambda|^2 in together.lam of the disc whose components begin at i, how many these are)."""
+    group, d, total = W.together, 0, 0.0
+    while i + d < group.size and group.disc[i + d] == group.disc[i]:
+        total += group.lam[i + d] ** 2
+        d += 1
+    return total, d
+
+
+@kernel
+def largest_lambda(W):
+    """The largest |lambda| in together.lam."""
+    i, largest = 0, 0.0
+    while i < W.together.size:
+        square, d = square_of_disc(W, i)
+        largest = max(largest, square)
+        i += d
+    return math.sqrt(largest)
+
+
+@kernel
+def least_load(P, S, W, rank):
+    """Overwrites together.lam by the lambda with G = 0, by slopes in together.J, whose largest |lambda_k| is least, to
+    the end of the path of centres to it; returns a bound of all |lambda_k|, inf if there is none.
+
+    minimise s - w sum log(s^2 - |lambda_k|^2) by Newton's method, with w falling to 0 (Boyd and Vandenberghe 2004, 11).
+    """
+    group, q = W.together, W.together.size
+    A, order, lam = group.matrix, group.order, group.lam
+    # The shortest lambda to begin with, J'y with J J'y = b.
+    for r in range(rank):
+        total = -group.g[order[r]]
+        for c in range(q):
+            total += group.J[order[r], c] * S.mult[group.comp[c]]
+        group.goal[r] = A[r, rank] = total
+        for c in range(rank):
+            A[r, c] = 0.0
+            for i in range(q):
+                A[r, c] += group.J[order[r], i] * group.J[order[c], i]
+    if not solve_dense(A, rank, 1):
+        return math.inf
+    for i in range(q):
+        lam[i] = 0.0
+        for r in range(rank):
+            lam[i] += group.J[order[r], i] * A[r, rank]
+    s = 1.5 * largest_lambda(W)
+    if s == 0.0:
+        return 0.0
+    weight, last, size = s, _GAP * s, q + 1 + rank
+    for _ in range(_ITERATIONS):
+        for r in range(size):
+            for c in range(size + 1):
+                A[r, c] = 0.0
+        A[q, size] = -1.0 / weight
+        i = 0
+        while i < q:
+            square, d = square_of_disc(W, i)
+            left = s * s - square
+            for r in range(i, i + d):
+                for c in range(i, i + d):
+                    A[r, c] = 4.0 * lam[r] * lam[c] / left**2 + (2.0 / left if r == c else 0.0)
+                A[r, q] = A[q, r] = -4.0 * s * lam[r] / left**2
+                A[r, size] = -2.0 * lam[r] / left
+            A[q, q] += 4.0 * s * s / left**2 - 2.0 / left
+            A[q, size] += 2.0 * s / left
+            i += d
+        for r in range(rank):
+            rest = group.goal[r]
+            for c in range(q):
+                A[q + 1 + r, c] = A[c, q + 1 + r] = group.J[order[r], c]
+                rest -= group.J[order[r], c] * lam[c]
+            A[q + 1 + r, size] = rest
+        if not solve_dense(A, size, 1):
+            break
+        # As far as all stay inside.
+        share = 1.0
+        for i in range(q):
+            group.change[i] = A[i, size]
+        for _ in range(60):
+            i, inside = 0, True
+            while i < q:
+                square, d = 0.0, square_of_disc(W, i)[1]
+                for r in range(i, i + d):
+                    square += (lam[r] + share * group.change[r]) ** 2
+                ahead = s + share * A[q, size]
+                inside = inside and ahead > 0.0 and ahead * ahead > square
+                i += d
+            if inside:
+                break
+            share *= 0.5
+        for i in range(q):
+            lam[i] += share * group.change[i]
+        s += share * A[q, size]
+        if share == 1.0:
+            if weight >= _DUAL * s:
+                # How they begin to move, if they do, to a common factor: what is dual to G = 0.
+                for i in range(q):
+                    group.move[group.comp[i]] = 0.0
+                    for r in range(rank):
+                        group.move[group.comp[i]] -= group.J[order[r], i] * A[q + 1 + r, size] * weight
+            if weight <= last:
+                break
+            weight = max(last, _CENTRED * weight)
+    return s
+
+
+@kernel
 def gather_leaving(P, S, W):
     """Overwrites W.together by the discs that begin to move as one body, with their slopes; whether there are any."""
     group, q = W.together, 0
     for k in range(P.m):
         if begins(P, S, k) and (group.move[k + 1] != 0.0 or group.move[k + 2] != 0.0):
             for i in range(k + 1, k + 1 + P.dim[k]):
-                group.comp[q] = i
+                group.comp[q], group.disc[q] = i, k
                 q += 1
     group.size = q
     if q > 0:
@@ -118,11 +227,22 @@ def gather_leaving(P, S, W):
 def pace_of_leaving(P, S, W):
     """d/dt of the common factor of all h of that group, which are as W.together.move.
 
+    They go as the load at the time says, in the directions of the lambda that would hold it, and these in S.mult. Then
     G + J tau = rate move, where tau, how the directions turn, is normal to each and as short as it can be; at a corner
     of the limit surface, where no tau does, with the least rest.
     """
     group, q, rank, A = W.together, W.together.size, W.together.rank, W.together.matrix
     largest = 0.0
+    residuals(P, S, W, q)
+    load = least_load(P, S, W, rank)
+    if not 0.0 < load < math.inf:
+        return math.nan
+    i = 0
+    while i < q:
+        square, d = square_of_disc(W, i)
+        for r in range(i, i + d):
+            S.mult[group.comp[r]] = group.lam[r] / math.sqrt(square)
+        i += d
     residuals(P, S, W, q)
     for r in range(rank):
         # Row r of J without what is along the directions.
