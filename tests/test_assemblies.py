@@ -287,6 +287,24 @@ def test_many_elements_are_set_up_without_an_object_for_each():
     np.testing.assert_allclose(run["x_1"][-1], 0.1 + 0.9 * np.cos(0.1), rtol=1e-8)
 
 
+def test_every_value_of_many_elements_fits_what_its_symbol_is_declared():
+    n = 20_000
+    cells = Family(n)
+    x = cells.symbols("x", nonnegative=True)[0]
+    (number,) = cells.symbols("k", integer=True)
+    values = np.arange(n, dtype=float) - 5
+    system = System({x: number - x}, parameters={number: values})
+    values[7_000] = 0.5  # neither the smallest nor the largest, and not 0
+    with pytest.raises(ValueError, match=r"value of 'k_7001' is 0.5, but its symbol is declared real, integer"):
+        system.with_parameters({number: values})
+    with pytest.raises(ValueError, match="has the shape"):
+        system.with_parameters({number: np.zeros((n, 2))})
+    # What is 0 to rounding, as the end of another run may be, is 0 in an array as it is alone.
+    start = np.where(np.arange(n) % 2, -7e-18, 1.0)
+    run = solve(system.with_parameters({number: 0}), (0, 1e-6), {x: start})
+    assert (run.x[1::2] == 0).all()
+
+
 def test_a_recorder_is_refused_where_nothing_is_local():
     system = System({sp.Symbol("x", real=True): 1})
     with pytest.raises(ValueError, match="`local` is True, but its elements are written out"):
