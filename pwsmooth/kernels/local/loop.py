@@ -49,7 +49,9 @@ from .state import Assembly
 
 BEGIN, SLAB, EVENTS = range(3)  # phases
 EVENT, EXPIRY, END_OF_SLAB = range(3)  # why a patch is renewed
-_CHUNK = 64  # elements that are put at their start together, or whose events of one instant are
+# Elements put at their start together, to which those about them come until all are four times as many; and, where no
+# element knows of another, those whose events of one instant are made together.
+_CHUNK = 64
 _AROUND = 4  # links about them whose motion tells the orders in which a surface is left
 _DEEPEST = 40
 _EASY = 1e-4  # of what is allowed: a depth that leaves so little is more than enough

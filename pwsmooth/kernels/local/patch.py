@@ -152,6 +152,16 @@ def _row(A, block, own, fixed, k, members, places):
 
 
 @kernel
+def _fill_flat(A, rows, blocks, own, fixed):
+    """Overwrites the rows of arguments of flat functions."""
+    M, filled = A.patch.count, 0
+    for f in range(len(blocks)):
+        for k in range(M if own[f] else 1):
+            rows[filled] = _row(A, blocks[f], own[f], fixed[f], k, M, A.patch.total)
+            filled += 1
+
+
+@kernel
 def shape(A, P, C, W):
     """Overwrites what of the small system's arrays depends on the numbers of members and places."""
     T, E = A.patch, A.kind
@@ -214,18 +224,8 @@ def shape(A, P, C, W):
             P.watch[i], P.watch_state[i], W.firing.carried[i] = 0, -1, E.carried[b]
             twin = abs(E.twin[b]) - 1
             P.twin[i] = (number_of(E, twin, M, k) + 1) * (1 if E.twin[b] > 0 else -1) if twin >= 0 else 0
-    at_flat = 0
-    for f in range(len(E.flat_slip)):
-        for k in range(M if E.flat_own_slip[f] else 1):
-            own = E.flat_own_slip[f]
-            P.flat_slip[at_flat] = _row(A, E.flat_slip[f], own, E.flat_of_slip[f], k, M, places)
-            at_flat += 1
-    at_flat = 0
-    for f in range(len(E.flat_general)):
-        for k in range(M if E.flat_own_general[f] else 1):
-            own = E.flat_own_general[f]
-            P.flat_general[at_flat] = _row(A, E.flat_general[f], own, E.flat_of_general[f], k, M, places)
-            at_flat += 1
+    _fill_flat(A, P.flat_slip, E.flat_slip, E.flat_own_slip, E.flat_of_slip)
+    _fill_flat(A, P.flat_general, E.flat_general, E.flat_own_general, E.flat_of_general)
     for b in range(len(E.shared)):
         P.p[E.shared_fixed[b] + E.shared_blocks[b] * places] = E.shared[b]
     for b in range(E.ns):
