@@ -140,16 +140,23 @@ def walls(template: Any) -> bool:
     # What depends on what is seen in numbers at a point that has nothing special: formulas take minutes to cancel.
     symbols = sorted(set().union(*(r.free_symbols for r in (*rhs, *residuals))) - set(unknowns), key=str)
     solve, rates = sp.lambdify([symbols], linear, "numpy"), sp.lambdify([symbols, unknowns], rhs, "numpy")
-    point = np.random.default_rng(0).uniform(0.5, 1.5, len(symbols))
+    numbers = np.random.default_rng(0)
 
     def at(place: np.ndarray) -> np.ndarray:
         matrix, right = solve(place)
         return np.array(rates(place, np.linalg.solve(matrix, right)[:, 0]), float)
 
-    try:
-        base = at(point)
-        moved = [at(point + 0.1 * unit) for unit in np.eye(len(symbols))]
-    except np.linalg.LinAlgError:
+    for _ in range(20):  # there are formulas for some numbers alone, such as those of a larger and a smaller force
+        point = numbers.uniform(0.5, 1.5, len(symbols))
+        try:
+            with np.errstate(all="ignore"):
+                base = at(point)
+                moved = [at(point + 0.1 * unit) for unit in np.eye(len(symbols))]
+        except np.linalg.LinAlgError:
+            continue
+        if np.isfinite([base, *moved]).all():
+            break
+    else:
         return False
     acts = ~(np.abs(np.array(moved) - base) <= 1e-9 * (1 + np.abs(base)))  # symbol, rate
     waiting, known = [p.base for _, p in template.places if p.offset and p.base in model.states], set()
