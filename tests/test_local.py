@@ -399,7 +399,9 @@ def test_a_law_makes_what_it_needs_for_every_block_and_one_that_sticks_is_a_wall
     pull = blocks.neighbour(y, 1) - 2 * y + blocks.neighbour(y, -1)
     # Static friction of two levels: formulas that hold for F_s >= F_c alone.
     law = StaticKinetic(F_s=1.5).attach(velocity=w - sp.Rational(1, 10))
-    assert locality.walls(System({y: w, w: pull - y - law.force}, parameters=law.parameters).model.families.template)
+    assert locality.walls(
+        System({y: w, w: pull - y - law.force}, parameters=law.parameters).model.families.template
+    )
     # A bristle of its own for each.
     law = LuGre().attach(velocity=w - sp.Rational(1, 10))
     system = System({y: w, w: pull - y - law.force, **law.rates}, parameters=law.parameters)

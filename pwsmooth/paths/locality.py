@@ -146,7 +146,9 @@ def walls(template: Any) -> bool:
         matrix, right = solve(place)
         return np.array(rates(place, np.linalg.solve(matrix, right)[:, 0]), float)
 
-    for _ in range(20):  # there are formulas for some numbers alone, such as those of a larger and a smaller force
+    for _ in range(
+        20
+    ):  # there are formulas for some numbers alone, such as those of a larger and a smaller force
         point = numbers.uniform(0.5, 1.5, len(symbols))
         try:
             with np.errstate(all="ignore"):
