@@ -34,7 +34,8 @@ class CompiledProblem:
         if model.families and model.families.template.levels and max(model.families.sizes) > FEW:
             raise ValueError(
                 f"a family of {max(model.families.sizes)} elements with hidden static friction runs event by event of "
-                "its elements, in solve() or in a sweep with `record`; give a smaller family, whose elements are written out."
+                "its elements, in solve() or in a sweep with `record`; give a smaller family, whose elements are "
+                "written out."
             )
         code = self.code = compile_model(model)
         self.has_jets = code.has_jets
