@@ -47,8 +47,8 @@ DIFFER = {
 # The misprints and slips that the studies of the sources' statements list: how many.
 MISPRINTS = {"statements_solid_friction": 11, "statements_friction_contact": 1}
 STUDIES = [
-    "avalanches", "capture_bifurcation", "capture_exponents", "capture_map", "contact_laws", "drive_map", "fronts",
-    "gradient_optimum", "ladder", "noise_recapture", "planar_friction", "propositions", "rest_limit",
+    "avalanches", "capture_bifurcation", "capture_exponents", "capture_map", "contact_laws", "continuum", "drive_map",
+    "fronts", "gradient_optimum", "ladder", "noise_recapture", "planar_friction", "propositions", "rest_limit",
     "symmetry_breaking", "wider_circle", *MISPRINTS,
 ]  # fmt: skip
 
