@@ -179,8 +179,8 @@ def firing_lattice(
     ----------
     shape : sequence of int
         Elements along each axis; one number makes a chain.
-    share : float
-        What each neighbour gets of what fires, > 0; with 2 for each axis of them less than 1 together.
+    share : float, dimensionless
+        What each neighbour gets of what fires, > 0; less than 1 in all, of 2 neighbours along each axis.
     drive : float, 1/s
         Rate of charging, > leak.
     leak : float, 1/s
