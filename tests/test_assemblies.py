@@ -360,8 +360,10 @@ def test_every_value_of_many_elements_fits_what_its_symbol_is_declared():
 
 def test_a_recorder_is_refused_where_nothing_is_local():
     system = System({sp.Symbol("x", real=True): 1})
-    with pytest.raises(ValueError, match="`local` is True, but its elements are written out"):
+    with pytest.raises(ValueError, match="`record` is given, but its elements are written out"):
         solve(system, (0, 1), [0], record=Recorder())
+    with pytest.raises(TypeError, match="`record` is 3"):
+        solve(system, (0, 1), [0], record=3)
     with pytest.raises(ValueError, match="ends in .zarr"):
         Recorder(events="log.csv")
     with pytest.raises(ValueError, match="from 1 on"):

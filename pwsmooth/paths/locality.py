@@ -83,16 +83,16 @@ def few_elements(template: Any) -> CompiledProblem:
 
 
 def runs_locally(
-    model: Model, options: Any, times: Any, asked: bool | None, noisy: bool, derived: bool
+    model: Model, options: Any, times: Any, asked: bool | None, recorded: bool, noisy: bool, derived: bool
 ) -> bool:
-    """Whether a run goes by neighbourhoods; `asked` forces it, if it can.
+    """Whether a run goes by neighbourhoods; `asked` forces it, if it can, and so does a record.
 
     Raises
     ------
     ValueError
         Asked for where it cannot be.
     """
-    asked = asked if asked is None else checks.flag(asked, "`local`")
+    asked = (recorded or None) if asked is None else checks.flag(asked, "`local`")
     if asked is False or (asked is None and model.families is None):
         return False
     small = model.families is not None and sum(model.families.sizes) < (
@@ -108,7 +108,8 @@ def runs_locally(
     else:
         reason = why_global(model)
     if asked and reason:
-        raise ValueError(f"`local` is True, but {reason}; leave `local` out.")
+        cause, name = ("`record` is given", "record") if recorded else ("`local` is True", "local")
+        raise ValueError(f"{cause}, but {reason}; leave `{name}` out.")
     return not reason
 
 
