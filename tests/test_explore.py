@@ -277,7 +277,7 @@ def test_no_other_law_or_view_is_made_than_there_are(asked, words):
 
 
 def test_laws_that_are_offered_fit_their_scene():
-    for scene, count in (("friction_oscillator", 22), ("impact_oscillator", 11), ("spinning_disc", 2)):
+    for scene, count in (("friction_oscillator", 23), ("impact_oscillator", 11), ("spinning_disc", 2)):
         known = subject.named_subject(scene)
         offered = describe.describe(known)["law"]["all"]
         assert len(offered) == count and known.made.law in offered
