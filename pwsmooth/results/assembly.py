@@ -270,6 +270,8 @@ class Writer:
                     f"`events` {str(path)!r} has lost events of the run that goes on from its checkpoint, which has "
                     f"{rows}; bring them back, or remove the checkpoint."
                 )
+            for half in path.rglob("*.partial"):  # a kill in the midst of writing leaves one
+                half.unlink()
             self._group = found
             for name in names:
                 found[name].resize((rows,))
