@@ -193,9 +193,9 @@ def solve(
         rows = with_respect_to is not None
         taped = rows or (dense_output and model.families is None)
         options = Options(method, rtol, atol, dense_output, max_step, max_steps, order, strict, taped, rows)
-        if record is not None:
-            local = True if local is None else local
-        if runs_locally(model, options, times, local, kicks is not None, with_respect_to is not None):
+        record = checks.optional(checks.instance(Recorder, "Recorder(...)"))(record, "`record`")
+        present = (record is not None, kicks is not None, with_respect_to is not None)
+        if runs_locally(model, options, times, local, *present):
             return run_locally(system, t0, t1, start, times, options, record, spending)
         if record is not None:
             raise ValueError("`record` is given, but the run is not one of local events; leave it out.")

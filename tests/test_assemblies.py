@@ -14,8 +14,9 @@ import sympy as sp
 import zarr
 from family_models import template_from
 
-from pwsmooth import Event, Family, Outcome, Recorder, Switch, System, solve
+from pwsmooth import Event, Family, Outcome, Recorder, Switch, System, solve, sweep
 from pwsmooth.paths import local
+from pwsmooth.sweep import Function
 
 TIGHT = dict(rtol=1e-12, atol=1e-14)
 
@@ -145,6 +146,7 @@ from pathlib import Path
 import numpy as np
 from pwsmooth import Recorder, solve
 from pwsmooth.paths import local
+from pwsmooth.sweep import Function
 from test_assemblies import train
 local.SLICE = 200  # elements renewed between two looks
 print("begins" if not Path(sys.argv[1] + ".run").exists() else "goes on")
@@ -212,7 +214,9 @@ def test_a_run_that_was_stopped_loses_no_event_and_goes_on(tmp_path, monkeypatch
     kept = zarr.open_group(tmp_path / "run.zarr", mode="r")["t"][:]
     assert 200 < len(kept) < len(whole.events)
     np.testing.assert_array_equal(kept, whole.events.times[: len(kept)])
+    (tmp_path / "run.zarr" / "t" / "zarr.6230a3.partial").touch()  # as a kill in the midst of writing leaves it
     rest = solve(system, (0, 60), start, record=record)
+    assert not list((tmp_path / "run.zarr").rglob("*.partial"))
     np.testing.assert_array_equal(rest.events.times, whole.events.times)
     np.testing.assert_array_equal(rest.events.codes, whole.events.codes)
     np.testing.assert_array_equal(rest.x, whole.x[:, [0, -1]])
@@ -266,6 +270,57 @@ def test_an_event_for_which_there_is_no_room_happens_once(monkeypatch, make):
     np.testing.assert_array_equal(found.x, whole.x)
 
 
+def quakes(solution):
+    found = solution.catalogue.avalanches(drift=0.1)
+    return {"avalanches": len(found), "moment": found.moment.sum()}
+
+
+def test_a_sweep_of_local_runs_has_the_bits_of_solve_on_threads_and_on_a_cluster(tmp_path):
+    system, start = train(150)
+    stiffness = [1.0, 1.5, 2.0, 3.0]
+
+    def swept(**more):
+        measure = Function(quakes, names=("avalanches", "moment"))
+        return sweep(
+            system, {"k": stiffness}, start=start, t_span=(0, 20), measures=[measure], record=Recorder(), chunk=1,
+            progress=False, **more,
+        )  # fmt: skip
+
+    found = swept()
+    alone = [
+        quakes(solve(system.with_parameters({"k": k}), (0, 20), start, record=Recorder())) for k in stiffness
+    ]
+    assert (found.outcome == 0).all() and found.avalanches.min() > 10
+    for name in ("avalanches", "moment"):
+        np.testing.assert_array_equal(found[name], [one[name] for one in alone])
+    distributed = pytest.importorskip("distributed")
+    cluster = distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, local_directory=str(tmp_path)
+    )
+    with cluster, distributed.Client(cluster) as client:
+        far = swept(executor=client.get_executor(), store=tmp_path / "sweep.zarr")
+    for name in ("avalanches", "moment", "outcome"):
+        np.testing.assert_array_equal(far[name], found[name])
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        ({"record": Recorder(events="run.zarr")}, "over which all points would write"),
+        ({"record": 3}, r"`record` is 3; give Recorder"),
+        ({"record": Recorder(), "measures": ["counts"]}, "keeps its events and no steps; give functions"),
+    ],
+)
+def test_a_sweep_says_what_a_recorder_cannot_do_there(options, words):
+    system, start = train(150)
+    arguments = {"measures": [Function(quakes, names=("avalanches", "moment"))], "t_span": (0, 1)} | options
+    with pytest.raises((ValueError, TypeError), match=words):
+        sweep(system, {"k": [1.0]}, start=start, **arguments)
+    with pytest.raises(ValueError, match="`record` is given, but its elements are written out"):
+        sweep(System({sp.Symbol("x", real=True): 1}), t_span=(0, 1), start=[0], points={"t": [0.0]}, measures=quakes,
+              record=Recorder())  # fmt: skip
+
+
 def test_many_elements_are_set_up_without_an_object_for_each():
     blocks = Family(200_000)
     x, v = blocks.symbols("x v")
@@ -287,10 +342,30 @@ def test_many_elements_are_set_up_without_an_object_for_each():
     np.testing.assert_allclose(run["x_1"][-1], 0.1 + 0.9 * np.cos(0.1), rtol=1e-8)
 
 
+def test_every_value_of_many_elements_fits_what_its_symbol_is_declared():
+    n = 20_000
+    cells = Family(n)
+    x = cells.symbols("x", nonnegative=True)[0]
+    (number,) = cells.symbols("k", integer=True)
+    values = np.arange(n, dtype=float) - 5
+    system = System({x: number - x}, parameters={number: values})
+    values[7_000] = 0.5  # neither the smallest nor the largest, and not 0
+    with pytest.raises(ValueError, match=r"value of 'k_7001' is 0.5, but its symbol is declared real, integer"):
+        system.with_parameters({number: values})
+    with pytest.raises(ValueError, match="has the shape"):
+        system.with_parameters({number: np.zeros((n, 2))})
+    # What is 0 to rounding, as the end of another run may be, is 0 in an array as it is alone.
+    start = np.where(np.arange(n) % 2, -7e-18, 1.0)
+    run = solve(system.with_parameters({number: 0}), (0, 1e-6), {x: start})
+    assert (run.x[1::2] == 0).all()
+
+
 def test_a_recorder_is_refused_where_nothing_is_local():
     system = System({sp.Symbol("x", real=True): 1})
-    with pytest.raises(ValueError, match="`local` is True, but its elements are written out"):
+    with pytest.raises(ValueError, match="`record` is given, but its elements are written out"):
         solve(system, (0, 1), [0], record=Recorder())
+    with pytest.raises(TypeError, match="`record` is 3"):
+        solve(system, (0, 1), [0], record=3)
     with pytest.raises(ValueError, match="ends in .zarr"):
         Recorder(events="log.csv")
     with pytest.raises(ValueError, match="from 1 on"):

@@ -11,6 +11,7 @@ from chain_models import BELT, belt, bistable, chain, networks, start_of, with_t
 from family_models import MODELS, template_from
 
 from pwsmooth import Algebraic, Event, Family, Kicks, Switch, System, Unilateral, solve
+from pwsmooth.laws.friction import LuGre, StaticKinetic
 from pwsmooth.paths import local as path
 from pwsmooth.paths import locality
 from tests.fuzz.assemblies import compared
@@ -390,3 +391,38 @@ def test_a_switch_of_all_at_known_times_meets_every_element():
     )
     assert compared(whole, run) is None
     assert run.mult.shape == whole.mult.shape == (n + 1, 11)
+
+
+def test_a_law_makes_what_it_needs_for_every_block_and_one_that_sticks_is_a_wall():
+    blocks = Family(120)
+    y, w = blocks.symbols("y w")
+    pull = blocks.neighbour(y, 1) - 2 * y + blocks.neighbour(y, -1)
+    # Static friction of two levels: formulas that hold for F_s >= F_c alone.
+    law = StaticKinetic(F_s=1.5).attach(velocity=w - sp.Rational(1, 10))
+    assert locality.walls(
+        System({y: w, w: pull - y - law.force}, parameters=law.parameters).model.families.template
+    )
+    # A bristle of its own for each.
+    law = LuGre().attach(velocity=w - sp.Rational(1, 10))
+    system = System({y: w, w: pull - y - law.force, **law.rates}, parameters=law.parameters)
+    assert [len(system.groups[name]) for name in ("y", "w", "z")] == [120] * 3
+
+
+def test_blocks_whose_friction_has_a_state_of_its_own_are_walls_too(counted):
+    """What others read of one that sticks, its position, is known for ever, though its friction ages."""
+    each, runs = [], []
+    for n in (120, 480):
+        blocks = Family(n)
+        y, w, z = blocks.symbols("y w z")
+        lam = Switch("lam", w - sp.Rational(1, 10))
+        pull = blocks.neighbour(y, 1) - 2 * y + blocks.neighbour(y, -1)
+        system = System({y: w, w: 2 * pull - y - lam * (1 + z / 2), z: 1 - lam**2 - z})
+        start = {y: 0.5 * np.sin(np.arange(n) ** 2), w: 0.1, z: 1.0}
+        run, renewed = counted(system, (0, 30), start, rtol=1e-11)
+        each.append(renewed / len(run.events))
+        runs.append((system, start, run))
+    assert each[1] < 1.2 * each[0], each
+    system, start, run = runs[0]
+    whole = solve(system, (0, 30), start, t_eval=[0, 30], rtol=1e-11, local=False)
+    assert len(whole.events) == len(run.events) > 100
+    np.testing.assert_allclose(run.x, whole.x, rtol=0, atol=1e-8)

@@ -28,6 +28,10 @@ DIFFER = {
     # One value is off by 1.7e-5; two other computations agree on ours.
     "rest_limit": {"values of an independent computation"},
     # Hypotheses that were refuted.
+    "avalanches": {
+        "The exponent depends on the rate at which friction weakens",
+        "A layer slower than a slip does",
+    },
     "contact_laws": {
         "hypothesis 1: with one e at one speed the eight laws do the same",
         "hypothesis 2: laws with the same e at all speeds do the same",
@@ -43,8 +47,8 @@ DIFFER = {
 # The misprints and slips that the studies of the sources' statements list: how many.
 MISPRINTS = {"statements_solid_friction": 11, "statements_friction_contact": 1}
 STUDIES = [
-    "capture_bifurcation", "capture_exponents", "capture_map", "contact_laws", "drive_map", "fronts",
-    "gradient_optimum", "ladder", "noise_recapture", "planar_friction", "propositions", "rest_limit",
+    "avalanches", "capture_bifurcation", "capture_exponents", "capture_map", "contact_laws", "continuum", "drive_map",
+    "fronts", "gradient_optimum", "ladder", "noise_recapture", "planar_friction", "propositions", "rest_limit",
     "symmetry_breaking", "wider_circle", *MISPRINTS,
 ]  # fmt: skip
 

@@ -23,17 +23,17 @@ from sympy.core.function import AppliedUndef
 
 from . import formula
 
-_PREDICATES = {
+_PREDICATES = {  # of a number, or of an array of them
     "positive": lambda v: v > 0,
     "negative": lambda v: v < 0,
     "nonnegative": lambda v: v >= 0,
     "nonpositive": lambda v: v <= 0,
     "nonzero": lambda v: v != 0,
     "zero": lambda v: v == 0,
-    "integer": lambda v: v == int(v),
-    "noninteger": lambda v: v != int(v),
-    "even": lambda v: v == int(v) and v % 2 == 0,
-    "odd": lambda v: v == int(v) and v % 2 == 1,
+    "integer": lambda v: v % 1 == 0,
+    "noninteger": lambda v: v % 1 != 0,
+    "even": lambda v: v % 2 == 0,
+    "odd": lambda v: v % 2 == 1,
     "real": lambda v: True,
     "imaginary": lambda v: False,
 }
@@ -187,6 +187,14 @@ def fits(symbol, value):
         if holds(value) != wanted:
             return False
     return True
+
+
+def unfit(symbol, values):
+    """Which of an array of finite numbers do not have the properties that the symbol is declared to have."""
+    wrong = np.zeros(len(values), bool)
+    for holds, wanted in _declared(symbol):
+        wrong |= holds(values) != wanted
+    return np.flatnonzero(wrong)
 
 
 @functools.lru_cache(maxsize=4096)

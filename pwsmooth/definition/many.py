@@ -125,15 +125,10 @@ class Symbols(Sequence):
                 values = (
                     np.full(n, fit(self[first], value))
                     if single
-                    else checks.array(value, f"{what}, value of {name!r}")
+                    else checks.numbers(value, f"{what}, value of {name!r}")
                 )
-                # What holds for the smallest and the largest of them holds for all, 0 apart.
-                for k in {
-                    int(values.argmin()),
-                    int(values.argmax()),
-                    *np.flatnonzero(values == 0)[:1].tolist(),
-                }:
-                    fit(self[first + k], float(values[k]))
+                for k in checks.unfit(self[first], values):  # not all: a million checks one by one take seconds
+                    values[k] = fit(self[first + k], float(values[k]))
                 result[first : first + n] = values
                 continue
             try:

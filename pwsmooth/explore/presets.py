@@ -162,6 +162,15 @@ PRESETS: dict[str, Preset] = {
         {"clearance": 5e-4, "revolutions": 2.0}, shown={"names": ("velocity", "acceleration"), "phase": ("e_x", "e_y")},
     ),
     "bouncing": Preset("falling_ball", "A ball whose bounces come to rest: how many are there?", "HuntCrossley"),
+    "train": Preset(
+        "block_train", "Blocks in a row on a belt: does one slip carry the next one with it? Lower v_s.",
+    ),
+    "lattice": Preset("block_lattice", "How far does a slip reach in two dimensions, and with stiffer springs?"),
+    "firing": Preset("firing_lattice", "Elements that push each other over the edge: do they come to fire together?"),
+    "cloud": Preset(
+        "element_cloud", "Many small sliders: where has the force a corner when only some of them give way?",
+        shown={"names": ("position", "force"), "phase": ("position", "force")},
+    ),
     "impacts": Preset(
         "impact_oscillator", "A driven mass before a wall: when do impacts lose their rhythm?", "KelvinVoigt",
     ),

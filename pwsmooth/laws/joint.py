@@ -10,7 +10,7 @@ from typing import Any
 import sympy as sp
 
 from ..definition import checks
-from ..definition.family import Family
+from ..definition.family import Family, family_of
 from ..definition.primitives import Disc, Memory, Switch
 
 __all__ = ["Joint"]
@@ -86,7 +86,7 @@ class Joint:
 
     @checks.door(name=checks.text, start=checks.expression, scale=checks.positive)
     def state(self, name: str, start: Any = 0.0, scale: float = 1.0, **assumptions: bool) -> sp.Symbol:
-        """An internal state of the law.
+        """An internal state of the law; where the velocity is that of every element of a family, one of each.
 
         What is known of it (`positive=True` of a strength) decides the class of switches in which it stands.
 
@@ -106,6 +106,8 @@ class Joint:
         Symbol
             To stand in rates and force.
         """
+        if family := family_of(*self.surfaces):
+            return self.member(family, name, start, scale, **assumptions)
         symbol = sp.Symbol(self.label(name), **({"real": True} | assumptions))
         return self._known(symbol, start, scale)
 
@@ -131,6 +133,8 @@ class Joint:
         Memory
             To stand in rates, surfaces and updates.
         """
+        if family := family_of(*self.surfaces):
+            return family.memory(self.label(name), initial)
         return Memory(self.label(name), initial, **assumptions)
 
     @checks.door(name=checks.text, surface=checks.expression)
@@ -317,7 +321,9 @@ class Joint:
         """
         return Family(n, name=self.label("element"))
 
-    def member(self, family: Family, name: str, start: Any = 0.0, scale: float = 1.0) -> Any:
+    def member(
+        self, family: Family, name: str, start: Any = 0.0, scale: float = 1.0, **assumptions: bool
+    ) -> Any:
         """An internal state of every element.
 
         Parameters
@@ -330,11 +336,13 @@ class Joint:
             Relaxed initial value in the state's unit.
         scale : float
             Usual size in the state's unit.
+        **assumptions : bool
+            Of the symbol; `real` by default.
 
         Returns
         -------
         Symbol
             The member of the family.
         """
-        (symbol,) = family.symbols(self.label(name))
+        (symbol,) = family.symbols(self.label(name), **assumptions)
         return self._known(symbol, start, scale)

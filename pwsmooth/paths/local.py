@@ -349,6 +349,7 @@ class _Run:
         A.begun[:] = A.until[:] = t0
         A.status[:] = 1
         A.met[:] = A.grazed[:] = math.inf
+        A.noted[:] = -math.inf
         A.active[:], A.active_place[:], A.actives = i, i, n
         A.seen[:], A.keeps[:] = -1, -1
         A.keeps[kept] = np.arange(len(kept))

@@ -83,16 +83,16 @@ def few_elements(template: Any) -> CompiledProblem:
 
 
 def runs_locally(
-    model: Model, options: Any, times: Any, asked: bool | None, noisy: bool, derived: bool
+    model: Model, options: Any, times: Any, asked: bool | None, recorded: bool, noisy: bool, derived: bool
 ) -> bool:
-    """Whether a run goes by neighbourhoods; `asked` forces it, if it can.
+    """Whether a run goes by neighbourhoods; `asked` forces it, if it can, and so does a record.
 
     Raises
     ------
     ValueError
         Asked for where it cannot be.
     """
-    asked = asked if asked is None else checks.flag(asked, "`local`")
+    asked = (recorded or None) if asked is None else checks.flag(asked, "`local`")
     if asked is False or (asked is None and model.families is None):
         return False
     small = model.families is not None and sum(model.families.sizes) < (
@@ -108,7 +108,8 @@ def runs_locally(
     else:
         reason = why_global(model)
     if asked and reason:
-        raise ValueError(f"`local` is True, but {reason}; leave `local` out.")
+        cause, name = ("`record` is given", "record") if recorded else ("`local` is True", "local")
+        raise ValueError(f"{cause}, but {reason}; leave `{name}` out.")
     return not reason
 
 
@@ -140,16 +141,25 @@ def walls(template: Any) -> bool:
     # What depends on what is seen in numbers at a point that has nothing special: formulas take minutes to cancel.
     symbols = sorted(set().union(*(r.free_symbols for r in (*rhs, *residuals))) - set(unknowns), key=str)
     solve, rates = sp.lambdify([symbols], linear, "numpy"), sp.lambdify([symbols, unknowns], rhs, "numpy")
-    point = np.random.default_rng(0).uniform(0.5, 1.5, len(symbols))
+    numbers = np.random.default_rng(0)
 
     def at(place: np.ndarray) -> np.ndarray:
         matrix, right = solve(place)
         return np.array(rates(place, np.linalg.solve(matrix, right)[:, 0]), float)
 
-    try:
-        base = at(point)
-        moved = [at(point + 0.1 * unit) for unit in np.eye(len(symbols))]
-    except np.linalg.LinAlgError:
+    for _ in range(
+        20
+    ):  # there are formulas for some numbers alone, such as those of a larger and a smaller force
+        point = numbers.uniform(0.5, 1.5, len(symbols))
+        try:
+            with np.errstate(all="ignore"):
+                base = at(point)
+                moved = [at(point + 0.1 * unit) for unit in np.eye(len(symbols))]
+        except np.linalg.LinAlgError:
+            continue
+        if np.isfinite([base, *moved]).all():
+            break
+    else:
         return False
     acts = ~(np.abs(np.array(moved) - base) <= 1e-9 * (1 + np.abs(base)))  # symbol, rate
     waiting, known = [p.base for _, p in template.places if p.offset and p.base in model.states], set()

@@ -68,6 +68,28 @@ class Avalanches:
         return len(self.start)
 
 
+@dataclass(frozen=True)
+class Slips:
+    """Slips of one switch, element by element: drawn over time they are what a fault is seen by.
+
+    Attributes
+    ----------
+    start, end : ndarray, shape (k,), in the unit of the model's time
+    element : ndarray of int, shape (k,)
+        1, ..., n.
+    length : ndarray, shape (k,), in the unit of the state
+        How far the element has moved, on what it sticks to.
+    """
+
+    start: np.ndarray
+    end: np.ndarray
+    element: np.ndarray
+    length: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+
 class Catalogue:
     """The events of a family, column by column, in memory or in a folder of Zarr's.
 
@@ -97,8 +119,8 @@ class Catalogue:
     def __len__(self) -> int:
         return self.t.shape[0]  # type: ignore[attr-defined]
 
-    def avalanches(self, state: str | None = None, drift: float = 0.0, surface: int = 0) -> Avalanches:
-        """Clusters of slips of one switch.
+    def slips(self, state: str | None = None, drift: float = 0.0, surface: int = 0) -> Slips:
+        """Slips of one switch.
 
         Parameters
         ----------
@@ -111,21 +133,14 @@ class Catalogue:
 
         Returns
         -------
-        Avalanches
-            Without slips that had begun before the run, or had not ended with it.
+        Slips
+            By element, then by time; without slips that had begun before the run, or had not ended with it.
 
         Raises
         ------
         ValueError
             No such state or surface.
-
-        Notes
-        -----
-        Two slips belong together if one begins while the other goes on and their elements are linked.
         """
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import connected_components
-
         state = next(iter(self.states)) if state is None else str(state)
         if state not in self.states:
             raise ValueError(f"`state` is {state!r}; the elements have {', '.join(self.states)}.")
@@ -144,7 +159,40 @@ class Catalogue:
         begun, ended, who = t[first], t[last], element[first].astype(np.int64) - 1
         x = np.asarray(self.states[state][:])
         length = np.abs(x[last] - x[first] - drift * (ended - begun))
-        count = len(first)
+        return Slips(begun, ended, who + 1, length)
+
+    def avalanches(self, state: str | None = None, drift: float = 0.0, surface: int = 0) -> Avalanches:
+        """Clusters of slips of one switch.
+
+        Parameters
+        ----------
+        state : str, optional
+            The displacement whose change is the length of a slip; by default the first state.
+        drift : float, in units of the state over time
+            Speed of what the elements stick to.
+        surface : int
+            Place of the switch in `surfaces`.
+
+        Returns
+        -------
+        Avalanches
+            Of all `slips`.
+
+        Raises
+        ------
+        ValueError
+            No such state or surface.
+
+        Notes
+        -----
+        Two slips belong together if one begins while the other goes on and their elements are linked.
+        """
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        found = self.slips(state, drift, surface)
+        begun, ended, who, length = found.start, found.end, found.element - 1, found.length
+        count = len(found)
         if not count:
             empty = np.zeros(0)
             none = np.zeros(0, int)
@@ -222,6 +270,8 @@ class Writer:
                     f"`events` {str(path)!r} has lost events of the run that goes on from its checkpoint, which has "
                     f"{rows}; bring them back, or remove the checkpoint."
                 )
+            for half in path.rglob("*.partial"):  # a kill in the midst of writing leaves one
+                half.unlink()
             self._group = found
             for name in names:
                 found[name].resize((rows,))

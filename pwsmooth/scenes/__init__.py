@@ -1,5 +1,6 @@
 """Scenes: mechanism + law + drive; the contract is in scene.py."""
 
+from .assemblies import block_lattice, block_train, element_cloud, firing_lattice
 from .drive import t
 from .impact import falling_ball, free_impact, grazing_amplitude, impact_oscillator, pressed_block
 from .planar import bristle_bot, incline, planar_oscillator, pulled_block, shaken_plate
@@ -17,11 +18,15 @@ __all__ = [
     "Sketch",
     "assemble",
     "billiard_ball",
+    "block_lattice",
     "block_on_belt",
+    "block_train",
     "bristle_bot",
     "caster",
     "chain_of_blocks",
+    "element_cloud",
     "falling_ball",
+    "firing_lattice",
     "force_driven",
     "free_impact",
     "friction_oscillator",

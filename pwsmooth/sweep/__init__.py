@@ -144,7 +144,8 @@ def sweep(
         Bound on the whole sweep. Points that it leaves out have the outcome TIME_LIMIT; in a store they have not run,
         and the same call goes on with them.
     **options
-        rtol, atol, method, order, max_step, max_steps of `solve`.
+        rtol, atol, method, order, max_step, max_steps of `solve`; `record`, a Recorder without a folder, makes every
+        point a run of a large family by local events, of which functions of the Solution see the catalogue.
 
     Returns
     -------

@@ -52,10 +52,10 @@ def _values(plan, columns, spending):
 
 
 def goes_as_ensemble(plan: Plan) -> bool:
-    """Whether the measures run in compiled code: event-driven, by explicit steps, without noise."""
-    model = plan.system.model
+    """Whether the measures run in compiled code: event-driven, by explicit steps, all elements together, no noise."""
+    model, options = plan.system.model, dict(plan.options)
     smoothed = model.smoothing and not model.multipliers
-    return not (plan.noise or smoothed or dict(plan.options)["method"] == "stiff")
+    return not (plan.noise or smoothed or options["method"] == "stiff" or "record" in options)
 
 
 def _one_by_one(plan, columns, result, measures, outcome_known, returns, spending):

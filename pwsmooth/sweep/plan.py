@@ -21,11 +21,13 @@ from ..analysis.sections import LONGEST, section_of, watching
 from ..definition import checks
 from ..definition.lambdified import numpy_function
 from ..definition.model import EventSpec
+from ..definition.recording import Recorder
 from ..kernels.sweeping.state import NO_RETURN
 from ..noise.diffusion import Diffusion
 from ..noise.kicks import Kicks
 from ..paths import memory
 from ..paths.event_driven import LOOSEST, check_method
+from ..paths.locality import why_global
 from ..paths.stiff_events import switched_by_events
 from ..paths.stiff_steps import LOOSEST_RTOL
 from ..results.records import Outcome
@@ -255,6 +257,13 @@ def read_plan(
         setting=setting, options=_options(system, options), noise=noise,
         longest_return=longest_return if section is not None else None,
     )  # fmt: skip
+    if dict(plan.options).get("record") is not None and any(
+        not isinstance(m, Function) or m.dense for m in chosen
+    ):
+        raise ValueError(
+            "`measures`: with `record` a run keeps its events and no steps; give functions of the Solution, which has "
+            "`catalogue` and `recorded`."
+        )
     clash = [name for name in plan.variables if name in where.values or name in where.dims]
     if clash:
         raise ValueError(f"the measure {clash[0]!r} has the name of an axis; rename the axis' symbol.")
@@ -336,6 +345,18 @@ def _setting(system, measures, periods, strobed_by, units):
     )  # fmt: skip
 
 
+def _record(model, record):
+    """The Recorder of every point: what it keeps is in memory, for functions of the Solution."""
+    record = checks.instance(Recorder, "Recorder(...)")(record, "`record`")
+    if record.events is not None:
+        raise ValueError(
+            f"`record` of a sweep has `events` {str(record.events)!r}, over which all points would write; leave it out."
+        )
+    if reason := why_global(model):
+        raise ValueError(f"`record` is given, but {reason}: no event is local. Leave it out.")
+    return record
+
+
 def _options(system, options):
     """Checked options of solve that the compiled path needs too."""
     model = system.model
@@ -350,7 +371,11 @@ def _options(system, options):
     order = checked.pop("order", None)
     checked["order"] = None if order is None else checks.whole(order, "`order`", 8, 31)
     checked["method"] = checks.name(checked.get("method", "auto"), "`method`")
-    known = {"rtol", "atol", "max_step", "max_steps", "order", "method"}
+    if checked.get("record") is not None:
+        checked["record"] = _record(model, checked["record"])
+    else:
+        checked.pop("record", None)
+    known = {"rtol", "atol", "max_step", "max_steps", "order", "method", "record"}
     if set(checked) - known:
         raise TypeError(
             f"sweep() has no option {sorted(set(checked) - known)[0]!r}; solve's are {', '.join(known)}."

@@ -424,11 +424,18 @@ def subjects():
     for name in INSIDE:
         if name.startswith(("pwsmooth.fit", "pwsmooth.costs", "pwsmooth.derivatives")):
             given[name.rsplit(".", 1)[1]] = None
-    for scene_name in ("block_on_belt", "friction_oscillator", "position_control"):
+    for scene_name in (
+        "block_on_belt",
+        "friction_oscillator",
+        "position_control",
+        "block_train",
+        "block_lattice",
+    ):
         given[scene_name] = dict(law=friction.Coulomb())
     for scene_name in ("incline", "billiard_ball", "bristle_bot", "caster"):
         given[scene_name] = dict(law=friction.Coulomb())
     given |= {
+        "element_cloud": dict(law=friction.MaxwellSlip(), position=sp.sin(scenes.t)),
         "shaken_plate": dict(law=friction.Coulomb(), plate=(sp.sin(scenes.t), 0), lift=sp.cos(scenes.t)),
         "planar_oscillator": dict(law=friction.Coulomb(), force=(sp.sin(scenes.t), 0)),
         "pulled_block": dict(law=friction.Coulomb(), path=(scenes.t, 0), plate=(0, sp.sin(scenes.t))),

@@ -49,7 +49,9 @@ from .state import Assembly
 
 BEGIN, SLAB, EVENTS = range(3)  # phases
 EVENT, EXPIRY, END_OF_SLAB = range(3)  # why a patch is renewed
-_CHUNK = 64  # elements that are put at their start together, or whose events of one instant are
+# Elements put at their start together, to which those about them come until all are four times as many; and, where no
+# element knows of another, those whose events of one instant are made together.
+_CHUNK = 64
 _AROUND = 4  # links about them whose motion tells the orders in which a surface is left
 _DEEPEST = 40
 _EASY = 1e-4  # of what is allowed: a depth that leaves so little is more than enough
@@ -344,7 +346,7 @@ def _keep(A, P, C, S, W, t, h):
                     for q in range(K + 1):
                         row[q] = new[q]
         A.begun[i], A.until[i], A.length[i] = t, C.t_end if W.end.stopped else t + h, h
-        A.known[i] = math.inf if is_wall(A, i) and _rests(A, i, K) else A.until[i]
+        A.known[i] = math.inf if is_wall(A, i) and _stands(A, i, K) else A.until[i]
         key = math.inf
         for b in range(E.nm + E.ne):
             j = number_of(E, b, M, k)
@@ -387,8 +389,17 @@ def _retire(A, i):
 
 
 @kernel
+def _stands(A, i, K):
+    """Whether what others read of element i is known for ever: polynomials of a low degree."""
+    for c in range(len(A.kind.read)):
+        if degree_of(A.row[i, A.kind.read[c]], K) > K // 2:
+            return False
+    return True
+
+
+@kernel
 def _rests(A, i, K):
-    """Whether the motion of element i is known for ever: the states are polynomials of a low degree."""
+    """Whether all of the motion of element i is known so."""
     for b in range(A.kind.ns):
         if degree_of(A.row[i, b], K) > K // 2:
             return False
@@ -476,7 +487,7 @@ def _renew_all(A, P, C, S, R, W):
             if code != GO_ON:
                 return code
             A.seen[i] = A.slabs
-            if A.known[i] == math.inf and A.slabs > 1:
+            if A.known[i] == math.inf and A.slabs > 1 and _rests(A, i, C.order):
                 if A.until[i] < A.t_end:
                     put_in_queue(A.queue, i, min(A.queue.key[i], A.until[i]))
                 _retire(A, i)

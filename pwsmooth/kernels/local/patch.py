@@ -11,6 +11,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from ..instant.accumulation import AT_ONCE
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.lanes import load8, store8
 from ..machine.pointers import at, call_fields, call_linear
@@ -152,6 +153,16 @@ def _row(A, block, own, fixed, k, members, places):
 
 
 @kernel
+def _fill_flat(A, rows, blocks, own, fixed):
+    """Overwrites the rows of arguments of flat functions."""
+    M, filled = A.patch.count, 0
+    for f in range(len(blocks)):
+        for k in range(M if own[f] else 1):
+            rows[filled] = _row(A, blocks[f], own[f], fixed[f], k, M, A.patch.total)
+            filled += 1
+
+
+@kernel
 def shape(A, P, C, W):
     """Overwrites what of the small system's arrays depends on the numbers of members and places."""
     T, E = A.patch, A.kind
@@ -214,18 +225,8 @@ def shape(A, P, C, W):
             P.watch[i], P.watch_state[i], W.firing.carried[i] = 0, -1, E.carried[b]
             twin = abs(E.twin[b]) - 1
             P.twin[i] = (number_of(E, twin, M, k) + 1) * (1 if E.twin[b] > 0 else -1) if twin >= 0 else 0
-    at_flat = 0
-    for f in range(len(E.flat_slip)):
-        for k in range(M if E.flat_own_slip[f] else 1):
-            own = E.flat_own_slip[f]
-            P.flat_slip[at_flat] = _row(A, E.flat_slip[f], own, E.flat_of_slip[f], k, M, places)
-            at_flat += 1
-    at_flat = 0
-    for f in range(len(E.flat_general)):
-        for k in range(M if E.flat_own_general[f] else 1):
-            own = E.flat_own_general[f]
-            P.flat_general[at_flat] = _row(A, E.flat_general[f], own, E.flat_of_general[f], k, M, places)
-            at_flat += 1
+    _fill_flat(A, P.flat_slip, E.flat_slip, E.flat_own_slip, E.flat_of_slip)
+    _fill_flat(A, P.flat_general, E.flat_general, E.flat_own_general, E.flat_of_general)
     for b in range(len(E.shared)):
         P.p[E.shared_fixed[b] + E.shared_blocks[b] * places] = E.shared[b]
     for b in range(E.ns):
@@ -418,13 +419,13 @@ def scatter(A, P, S, W, count):
 
 @kernel
 def _number_in_all(A, j):
-    """Number of surface j of the small system among those of the whole, and its member."""
+    """Number of surface j of the small system among those of the whole, its member, and its block."""
     T, E = A.patch, A.kind
     s = E.nm + E.ne - 1
     while s > 0 and number_of(E, s, T.count, 0) > j:
         s -= 1
     k = j - number_of(E, s, T.count, 0) if E.s_own[s] else 0
-    return E.s_first[s] + (T.member[k] if E.s_own[s] else 0), k
+    return E.s_first[s] + (T.member[k] if E.s_own[s] else 0), k, s
 
 
 @kernel
@@ -432,8 +433,12 @@ def note_records(A, P, S, R):
     """Takes over what the small system has recorded: surfaces are numbered as those of the whole system."""
     T, E = A.patch, A.kind
     for a in range(S.events):
-        A.event_t[A.events] = R.event_t[a]
-        A.event[A.events, 0], k = _number_in_all(A, R.event[a, 0])
+        number, k, s = _number_in_all(A, R.event[a, 0])
+        if not E.s_own[s]:  # all elements meet it, some of which come after the others
+            if abs(R.event_t[a] - A.noted[s]) <= AT_ONCE * abs(R.event_t[a]):
+                continue
+            A.noted[s] = R.event_t[a]
+        A.event_t[A.events], A.event[A.events, 0] = R.event_t[a], number
         for b in range(E.ns):
             A.event_x[A.events, b] = S.x[b * T.total + k]
         for c in range(1, 4):
@@ -441,7 +446,7 @@ def note_records(A, P, S, R):
         A.events += 1
     for a in range(S.ambiguities):
         A.ambiguity_t[A.ambiguities] = R.ambiguity_t[a]
-        A.ambiguity[A.ambiguities, 0], _ = _number_in_all(A, R.ambiguity[a, 0])
+        A.ambiguity[A.ambiguities, 0], _, _ = _number_in_all(A, R.ambiguity[a, 0])
         for c in range(1, 3):
             A.ambiguity[A.ambiguities, c] = R.ambiguity[a, c]
         A.ambiguities += 1

@@ -178,6 +178,7 @@ class Assembly(Bundle):
     event: "i8[room, 4]"  # number of the surface among those of the whole system, kind, from, to
     event_x: "f8[room, ns]"  # states of the element there
     events: "int"
+    noted: "f8[nm]"  # the last instant at which a switch of no element was recorded
     ambiguity_t: "f8[unsure]"
     ambiguity: "i8[unsure, 3]"
     ambiguities: "int"

@@ -4,7 +4,7 @@ A law is some twenty lines: parameters with units, then force, rates and surface
 """
 
 from .boucwen import BoucWen
-from .coulomb import Coulomb, HiddenStatic, ModifiedCoulomb, StaticKinetic, StribeckFriction
+from .coulomb import Coulomb, HiddenStatic, ModifiedCoulomb, StaticKinetic, StribeckFriction, VelocityWeakening
 from .dahl import BlimanSorine, BlimanSorineFirst, Dahl, ModifiedDahl
 from .elastoplastic import Elastoplastic, ElastoplasticFixed
 from .gms import GMS
@@ -39,5 +39,6 @@ __all__ = [
     "StaticKinetic",
     "StribeckFriction",
     "TorsionalResistance",
+    "VelocityWeakening",
     "Wojewoda",
 ]

@@ -94,6 +94,34 @@ class StaticKinetic(StribeckLaw):
 
 
 @law
+class VelocityWeakening(StaticKinetic):
+    """Friction that falls as 1/v, with two levels at rest: sticking up to F_s, from where slip begins at F_c.
+
+        f = F_c lam (1 + rho (1 - lam^2))/(1 + |v|/v_w) + sigma2 v,    rho as of StaticKinetic
+
+    In Carlson and Langer's scaling v_w = 1/(2 alpha), where F_s = F_c.
+
+    Examples
+    --------
+    >>> from pwsmooth.laws.friction import VelocityWeakening
+    >>> VelocityWeakening(F_c=1.0, F_s=1.2, v_w=0.5).steady_force([-0.5, 1.5]).tolist()
+    [-0.5, 0.25]
+    """
+
+    source = "Carlson, Langer, Phys. Rev. A 40 (1989) 6470-6484; two levels at rest added"
+    in_plane = False
+    v_w: float = parameter(0.5, "m/s", "velocity that halves friction")
+
+    def pieces(self, at, p):
+        lam, v = at.slip("lam"), at.v
+        level = p.F_c * (1 + self.rho(p) * (1 - lam**2)) / (1 + at.speed() / p.v_w)
+        return Pieces(force=level * lam + p.sigma2 * v, surfaces=at.surfaces)
+
+    def steady(self, v, p):
+        return p.F_c * sp.sign(v) / (1 + sp.Abs(v) / p.v_w) + p.sigma2 * v
+
+
+@law
 class StribeckFriction(StribeckLaw):
     """Stribeck friction, f = g(v) Sgn(v) + sigma2 v: the limit of LuGre and XKY for stiff bristles.
 

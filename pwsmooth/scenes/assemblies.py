@@ -1,0 +1,300 @@
+"""Assemblies: many elements of one kind, of which an event concerns the neighbourhood alone.
+
+    m x_i'' = coupling sum_j (x_j - x_i) - spring x_i - f(x_i' - pull)        blocks on a belt, in a row or a lattice
+    u_i' = drive - leak u_i;   at u_i = 1 it fires: u_i = 0, and each neighbour gets share u_i
+
+They are small enough for a page by default; with `record=` a run of a hundred thousand elements is one of seconds.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from ..definition import checks
+from ..definition.family import Family
+from ..definition.primitives import Event
+from ..laws import Law
+from ..system import System
+from . import sketches
+from .drive import check_continuous, door, expression, t
+from .scene import Scene, scene_of
+
+mass, spring, link, speed = sp.symbols("mass spring coupling pull", positive=True)
+_NUMBERS = dict.fromkeys(("k", "coupling", "pull", "rough"), checks.positive)
+_FEW = 60  # blocks that are told apart in a sketch
+
+
+def _blocks(name, law, family, stretch, values, rough, seed, t_span, in_a_row=False):
+    """The scene of blocks on a belt; `stretch(x)` is the sum of the ways to the neighbours."""
+    x, v = family.symbols("x v")
+    pieces = law.attach(position=x - speed * t, velocity=v - speed, time=t)
+    rates = {x: v, v: (link * stretch(x) - spring * x - pieces.force) / mass}
+    places = rough * np.random.default_rng(seed).uniform(-1, 1, family.n)
+    names = [family.at(x, k) for k in range(1, family.n + 1)] if in_a_row and family.n <= _FEW else []
+    return scene_of(
+        name, law, t_span, rates, [pieces], ("x", "v"), parameters=dict(zip((mass, spring, link, speed), values)),
+        start=dict(zip(family.at(x, slice(None)), places.tolist())) | {v: values[-1]},
+        sketch=sketches.chain_of_blocks(names) if names else None,
+    )  # fmt: skip
+
+
+@door("m", n=checks.integer(2, 10**7), seed=checks.integer(0, 2**31), periodic=checks.flag, **_NUMBERS)
+def block_train(
+    law: Law, *, n: int = 20, k: float = 1.0, coupling: float = 2.0, m: float = 1.0, pull: float = 0.1,
+    rough: float = 0.5, seed: int = 0, periodic: bool = False, t_span: tuple[float, float] = (0.0, 60.0),
+) -> Scene:  # fmt: skip
+    """Blocks in a row on a belt, each on a spring of its own and joined to the next ones: Burridge and Knopoff's train.
+
+    Parameters
+    ----------
+    law : Law
+        Of friction, of each block; internal states of it are each block's own.
+    n : int
+        Blocks, at least 2.
+    k : float, N/m
+        Spring to the frame, > 0.
+    coupling : float, N/m
+        Spring to each neighbour, > 0.
+    m : float, kg
+        Mass, > 0.
+    pull : float, m/s
+        Speed of the belt, > 0.
+    rough : float, m
+        Blocks start on the belt, up to so far from their places, > 0.
+    seed : int
+        Of these random places.
+    periodic : bool
+        The last block is joined to the first one.
+    t_span : (float, float), s
+        Suggested span.
+
+    Returns
+    -------
+    Scene
+        States x, v and the law's, of each block.
+
+    Raises
+    ------
+    ValueError, TypeError
+        A number that is not positive; a law with elements of its own.
+
+    Notes
+    -----
+    With `record=Recorder()`, or from 1000 blocks on, an event costs its neighbourhood (`VelocityWeakening`, `Coulomb`,
+    `StaticKinetic`, ...); `solution.catalogue.avalanches(drift=pull)` are the earthquakes.
+
+    Source: Burridge, Knopoff, Bull. Seismol. Soc. Am. 57 (1967) 341-371.
+
+    Examples
+    --------
+    >>> from pwsmooth import Recorder
+    >>> from pwsmooth.laws.friction import VelocityWeakening
+    >>> from pwsmooth.scenes import block_train
+    >>> train = block_train(VelocityWeakening(F_s=1.2), n=200, t_span=(0, 20))
+    >>> quakes = train.solve(record=Recorder()).catalogue.avalanches(drift=0.1)
+    >>> bool(quakes.area.max() > 1)
+    True
+    """
+    family = Family(n, periodic=periodic)
+    return _blocks(
+        "train of blocks", law, family, lambda x: family.neighbour(x, 1) - 2 * x + family.neighbour(x, -1),
+        (m, k, coupling, pull), rough, seed, t_span, in_a_row=True,
+    )  # fmt: skip
+
+
+@door("m", seed=checks.integer(0, 2**31), periodic=checks.flag, **_NUMBERS)
+def block_lattice(
+    law: Law, *, shape: tuple[int, ...] = (6, 6), k: float = 1.0, coupling: float = 0.5, m: float = 1.0,
+    pull: float = 0.1, rough: float = 0.5, seed: int = 0, periodic: bool = False,
+    t_span: tuple[float, float] = (0.0, 60.0),
+) -> Scene:  # fmt: skip
+    """Blocks on a belt in a rectangular lattice, each with one displacement, along the belt.
+
+    Parameters
+    ----------
+    law : Law
+        Of friction, of each block; internal states of it are each block's own.
+    shape : sequence of int
+        Blocks along each axis.
+    k : float, N/m
+        Spring to the frame, > 0.
+    coupling : float, N/m
+        Spring to each neighbour, > 0.
+    m : float, kg
+        Mass, > 0.
+    pull : float, m/s
+        Speed of the belt, > 0.
+    rough : float, m
+        Blocks start on the belt, up to so far from their places, > 0.
+    seed : int
+        Of these random places.
+    periodic : bool
+        Opposite sides are joined.
+    t_span : (float, float), s
+        Suggested span.
+
+    Returns
+    -------
+    Scene
+        States x, v and the law's, of each block, row by row.
+
+    Raises
+    ------
+    ValueError, TypeError
+        A number that is not positive; a law with elements of its own.
+
+    Examples
+    --------
+    >>> from pwsmooth import Recorder
+    >>> from pwsmooth.laws.friction import StaticKinetic
+    >>> from pwsmooth.scenes import block_lattice
+    >>> plate = block_lattice(StaticKinetic(F_s=1.2), shape=(12, 12), t_span=(0, 20))
+    >>> bool(plate.solve(record=Recorder()).catalogue.avalanches(drift=0.1).area.max() > 1)
+    True
+    """
+    shape = tuple(checks.whole(side, "`shape`", 1) for side in checks.several(shape, "`shape`"))
+    family = Family(math.prod(shape))
+    links = family.lattice(shape, periodic)
+    return _blocks(
+        "lattice of blocks", law, family, lambda x: links.sum(lambda at: at(x) - x), (m, k, coupling, pull), rough,
+        seed, t_span,
+    )  # fmt: skip
+
+
+@door(
+    seed=checks.integer(0, 2**31), periodic=checks.flag, share=checks.positive, drive=checks.positive,
+    leak=checks.number,
+)  # fmt: skip
+def firing_lattice(
+    *, shape: tuple[int, ...] = (8, 8), share: float = 0.2, drive: float = 1.0, leak: float = 0.1, seed: int = 0,
+    periodic: bool = False, t_span: tuple[float, float] = (0.0, 10.0),
+) -> Scene:  # fmt: skip
+    """Elements that are charged, fire when they are full, and give a share of what they have to each neighbour.
+
+    Parameters
+    ----------
+    shape : sequence of int
+        Elements along each axis; one number makes a chain.
+    share : float, dimensionless
+        What each neighbour gets of what fires, > 0; less than 1 in all, of 2 neighbours along each axis.
+    drive : float, 1/s
+        Rate of charging, > leak.
+    leak : float, 1/s
+        Rate of loss, >= 0.
+    seed : int
+        Of the random charges at the start, between 0 and 1.
+    periodic : bool
+        Opposite sides are joined.
+    t_span : (float, float), s
+        Suggested span.
+
+    Returns
+    -------
+    Scene
+        State u of each element; all that fires at one instant is an avalanche.
+
+    Raises
+    ------
+    ValueError
+        Elements that give all they have or more, or that never fire.
+
+    Notes
+    -----
+    u' = drive - leak u; at u = 1 an element fires: it is put to 0, and each neighbour gets share u, which may make it
+    fire at the same instant. In lattices what fires of one avalanche together never has a common link, so that every
+    order of it gives the same. Two neighbours that are full at once by themselves both set and add: they fire in the
+    order of their numbers, and the run records the ambiguity. For the same reason pulses of one size to all of many
+    elements that fire together have no form here.
+
+    Source: Olami, Feder, Christensen, Phys. Rev. Lett. 68 (1992) 1244-1247, where leak = 0.
+
+    Examples
+    --------
+    >>> from pwsmooth.scenes import firing_lattice
+    >>> run = firing_lattice(shape=(12, 12)).solve(t_eval=[0, 10])
+    >>> len(run.events) > 1000 and not run.ambiguities
+    True
+    """
+    shape = tuple(checks.whole(side, "`shape`", 1) for side in checks.several(shape, "`shape`"))
+    if not share * 2 * len(shape) < 1:
+        raise ValueError(
+            f"`share` is {share:g} for each of {2 * len(shape)} neighbours; give less than {1 / (2 * len(shape)):g}, "
+            "so that avalanches end."
+        )
+    if not drive > leak:
+        raise ValueError(f"`drive` is {drive:g}, `leak` {leak:g}; give drive > leak, so that elements fill.")
+    family = Family(math.prod(shape))
+    (u,) = family.symbols("u")
+    links = family.lattice(shape, periodic)
+    beside = [links.neighbour(u, j) for j in range(1, 2 * len(shape) + 1)]
+    given, rate, loss = sp.symbols("share drive leak", nonnegative=True)
+    fire = Event(
+        u - 1, direction=1, update={u: 0} | {other: other + given * u for other in beside}, name="fire"
+    )
+    system = System({u: rate - loss * u}, parameters={given: share, rate: drive, loss: leak}, events=[fire])
+    start = np.random.default_rng(seed).uniform(0, 1, family.n)
+    return Scene(
+        "lattice that fires", system, dict(zip(system.groups["u"], start.tolist())), t_span,
+        units={"u": "1", "share": "1", "drive": "1/s", "leak": "1/s"},
+        note="Olami, Feder, Christensen, Phys. Rev. Lett. 68 (1992) 1244-1247, with a leak",
+    )  # fmt: skip
+
+
+@door("period", "parameters")
+def element_cloud(
+    law: Law, *, position: Any, t_span: tuple[float, float] = (0.0, 20.0), period: float | None = None,
+    parameters: Any = None,
+) -> Scene:  # fmt: skip
+    """A law with elements of its own under a motion that is a formula of time: of many elements an event costs its own.
+
+    Parameters
+    ----------
+    law : Law
+        With elements in parallel, such as `MaxwellSlip` of a measured virgin curve.
+    position : Expr of t
+        In the unit of length of the law.
+    t_span : (float, float), s
+        Suggested span.
+    period : float, s, optional
+        Of the motion.
+    parameters : mapping of (Symbol or str) to float, optional
+        Values of the motion's symbols, in its units.
+
+    Returns
+    -------
+    Scene
+        States of the elements alone; outputs `force`, `position` and those of the law.
+
+    Raises
+    ------
+    ValueError, TypeError
+        A position that jumps; a law without states.
+
+    Examples
+    --------
+    Ten thousand sliders whose strengths are spread evenly: the first loading is x - x^2/2.
+
+    >>> import numpy as np
+    >>> from pwsmooth.laws.friction import MaxwellSlip
+    >>> from pwsmooth.scenes import element_cloud, t
+    >>> n = 10_000
+    >>> law = MaxwellSlip(kappa=(1 / n,) * n, strength=tuple((np.arange(n) + 0.5) / n**2))
+    >>> run = element_cloud(law, position=t, t_span=(0, 0.8)).solve(t_eval=[0, 0.4, 0.8])
+    >>> run["force"].round(6).tolist()
+    [0.0, 0.32, 0.48]
+    """
+    values = dict(parameters or {})
+    place = expression(position, "position")
+    check_continuous(place, "position", t_span, values)
+    pieces = law.attach(position=place, velocity=place.diff(t), time=t)
+    if not pieces.rates:
+        raise ValueError(f"`law` is {type(law).__name__}, which has no states; `prescribed_motion` takes it.")
+    shown = {"force": pieces.force, "position": place}
+    return scene_of(
+        "cloud of elements", law, t_span, {}, [pieces], (*shown, *pieces.outputs), period=period, start={},
+        parameters=values, outputs=shown,
+    )  # fmt: skip
