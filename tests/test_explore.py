@@ -136,7 +136,7 @@ def test_what_is_drawn_lies_on_the_solution_and_keeps_the_ends_of_sticks(oscilla
     assert [h[:2] for h in header["held"]] == [[s.start, s.end] for s in sticks] and sticks
     for s in sticks:
         during = (arrays["t"] > s.start) & (arrays["t"] < s.end)
-        assert (arrays["status"][during] == 0).all() and np.abs(row["v"][during]).max() < 1e-12
+        assert (arrays["status"][:, during] == 0).all() and np.abs(row["v"][during]).max() < 1e-12
 
 
 def test_the_layer_at_the_cursor_has_the_folds_of_the_hidden_term(oscillator):

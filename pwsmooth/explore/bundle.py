@@ -16,7 +16,7 @@ def static(name: str) -> bytes:
 
 
 def module(narrow: int = NARROW) -> str:
-    """The three parts as one ES module, which exports nothing: `mount` and `unpack` are names in it."""
+    """The parts as one ES module, which exports nothing: `mount` is a name in it."""
     texts = (static(name).decode() for name in _PARTS)
     text = "\n".join(re.sub(r"^import .*\n|^export (?=\w)", "", text, flags=re.M) for text in texts)
     return text.replace(f"{NARROW - 1}px", f"{narrow - 1}px")

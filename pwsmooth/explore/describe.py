@@ -12,16 +12,24 @@ import sympy as sp
 from .. import plotting
 from ..definition.model import Model
 from ..sweep.study import law_of
+from .labels import spelled
 from .subject import Subject, laws_for
 
 #: What a page may ask of a process; `each` within a factor of 10 by the page.
 LIMITS = {"span": 1000.0, "periods": 500, "steps": 200_000, "seconds": 2.0, "columns": 2000, "points": 1000,
           "cells": 600, "job": 600.0}  # fmt: skip
 MOST = 100  # states, of which all are listed; of more these first ones
+STARTS = 12  # states that have a slider
+#: Views in the order in which they stand on the page.
+TITLES = {
+    "time": "Time series", "mechanism": "Mechanism", "phase": "Phase plane", "characteristic": "Characteristic",
+    "layer": "Layer", "diagram": "Orbit diagram", "basins": "Basins", "section": "Poincaré section",
+    "noise": "Under noise",
+}  # fmt: skip
 
 
 def describe(subject: Subject, solution: Any = None) -> dict[str, Any]:
-    """Title, names, sliders, views with why those that are not there are not, colours: JSON.
+    """Title, names as they are written, sliders, menus, the views that it has, colours: JSON.
 
     With a first solution the ranges of the states are those that its motion suggests.
     """
@@ -31,8 +39,9 @@ def describe(subject: Subject, solution: Any = None) -> dict[str, Any]:
     outputs = [str(name) for name, _ in model.outputs] if model.families is None else (
         [n for n in dict.fromkeys((*subject.names, *subject.phase)) if n not in (*states, *multipliers)]
     )  # fmt: skip
-    units = {**subject.units}
-    return {
+    units = {name: unit for name, unit in subject.units.items() if unit != "1"}
+    axes = {name: _reach(subject.start[name], k, solution) for k, name in enumerate(states)}
+    known = {
         "title": subject.name,
         "note": subject.note,
         "view": str(system._view.title) if system._view else "",
@@ -40,22 +49,25 @@ def describe(subject: Subject, solution: Any = None) -> dict[str, Any]:
         "states": states,
         "multipliers": multipliers,
         "outputs": outputs,
-        "units": {name: unit for name, unit in units.items() if unit != "1"},
+        "units": units,
         "start": {name: subject.start[name] for name in states},
         "t_span": list(subject.t_span),
         "period": subject.period_at({}),
-        "axes": {name: _reach(subject.start[name], k, solution) for k, name in enumerate(states)},
+        "axes": axes,
+        "starts": [
+            {"name": name, "min": low, "max": high, "unit": units.get(name, ""), "value": subject.start[name]}
+            for name, (low, high) in list(axes.items())[:STARTS]
+        ],
         "controls": controls(subject),
         "names": list(subject.names) or (states + outputs)[:2],
         "phase": list(subject.phase) or _phase(states, outputs),
         "characteristic": characteristic(model),
         "switches": switches(model),
-        "hidden": _has_hidden(system),
+        "ways": _ways(subject),
         "map": _map(subject, states),
         "sketch": None if subject.sketch is None else {
             "shapes": subject.sketch.describe(), "bounds": subject.sketch.bounds, "note": subject.sketch.note,
         },
-        "views": list(subject.views),
         "law": _law(subject),
         "noise": "" if subject.noise is None else str(subject.noise),
         "eps": subject.eps,
@@ -70,6 +82,33 @@ def describe(subject: Subject, solution: Any = None) -> dict[str, Any]:
         },
         "limits": LIMITS,
     }  # fmt: skip
+    told = [*states, *multipliers, *outputs, *known["characteristic"], known["time"],
+            *(c["name"] for c in known["controls"]), *(f["name"] for f in known["law"].get("shape", ()))]  # fmt: skip
+    return known | {"labels": {name: spelled(name) for name in told}, "views": _views(subject, known)}
+
+
+def _views(subject: Subject, known: dict[str, Any]) -> dict[str, str]:
+    """The views that are offered, with their titles; maps that wait for a section are moved to those of the map."""
+    plane, two = bool(known["phase"]), len(known["states"]) > 1
+    has = {
+        "time": True, "mechanism": subject.sketch is not None, "phase": plane,
+        "characteristic": bool(known["characteristic"]), "layer": bool(known["switches"]), "diagram": True,
+        "basins": two, "section": plane and two, "noise": subject.noise is not None,
+    }  # fmt: skip
+    offered = {key: title for key, title in TITLES.items() if has[key] and key in (subject.views or TITLES)}
+    maps = {} if known["map"]["ok"] else {k: offered.pop(k) for k in ("diagram", "basins", "section") if k in offered}
+    known["map"]["views"] = maps if known["map"]["sections"] else {}
+    known["map"]["why"] *= "diagram" in maps
+    return offered
+
+
+def _ways(subject: Subject) -> list[tuple[str, str]]:
+    """The views of the system that can be taken, its own first; none where nothing switches."""
+    if not switches(subject.system.model) and not subject.system._view:
+        return []
+    layered = [("layered", "layered: fast states in the layer")]
+    layered *= _has_hidden(subject.system) or bool(subject.system._view)
+    return [("", "as defined"), *layered, ("smoothed", f"smoothed, ε = {subject.eps:g}")]
 
 
 def _law(subject: Subject) -> dict[str, Any]:
@@ -132,10 +171,10 @@ def _has_hidden(system: Any) -> bool:
 def _map(subject: Subject, states: list[str]) -> dict[str, Any]:
     """Whether orbit diagram, basins and section are offered; else why not."""
     controlled = [str(p) for p in subject.system.parameters]
-    known = {
+    known: dict[str, Any] = {
         "ok": subject.period is not None, "why": "",
         "parameter": next((n for n in (*subject.ranges, *controlled) if n in controlled), None),
-        "basins": len(states) > 1, "sections": states if subject.period is None else [],
+        "sections": states if subject.period is None else [],
     }  # fmt: skip
     if subject.system.model.smoothing:
         why = "a smoothed view runs on the stiff path, too slowly for a map that grows"
@@ -177,9 +216,10 @@ def _control(subject: Subject, name: str, symbol: Any, value: float) -> dict[str
     if name in subject.ranges:
         low, high = subject.ranges[name]
         log = log and low > 0 and high / low > 30
+    span = (max(low, value / 10), min(high, 5 * value)) if log else (low or 1e-3 * high, high)
     base = name.partition("_")[0]
     return {
-        "name": name, "value": value, "min": low, "max": high, "log": log,
+        "name": name, "value": value, "min": low, "max": high, "log": log, "span": span,
         "unit": subject.units.get(name, "") if subject.units.get(name) != "1" else "",
         "meaning": subject.meanings.get(name, subject.meanings.get(base, "")),
         "sign": "positive" if symbol.is_positive else "nonnegative" if symbol.is_nonnegative else "real",

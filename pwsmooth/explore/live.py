@@ -22,6 +22,7 @@ from ..sweep.contract import Window
 from ..sweep.of_solution import strobes
 from ..sweep.periodicity import Period
 from .describe import LIMITS, can_slide, switches
+from .labels import short, written
 from .subject import Subject
 
 POINTS = 3000  # of a picture; eight of a step at least
@@ -64,14 +65,14 @@ class Live:
             return {"kind": "refused", "why": said, **_remedies(said)}, {}
         header = {
             "kind": "orbit", "names": names, "t_span": [float(solution.t[0]), float(solution.t[-1])],
-            "asked": list(span), "ok": solution.success, "said": "" if solution.success else solution.message,
+            "asked": list(span), "ok": solution.success, "said": _outcome(solution),
             "stopped": None if solution.success else float(solution.t[-1]), "period": self.period,
             "events": _events(solution), "held": _held(solution), "lines": _lines(solution, asked),
             "ambiguities": [[a.time, str(a)] for a in solution.ambiguities][:20],
             "end": {n: float(v) for n, v in zip(solution.states[:100], solution.x[:, -1])},
             "ms": [1e3 * (solved - begun), 1e3 * (time.perf_counter() - solved)],
         }  # fmt: skip
-        arrays = {"t": found.t, "status": found.statuses, "values": values}
+        arrays = {"t": found.t, "status": found.statuses.T, "values": values}
         if self.subject.sketch is not None:
             header["pose"], poses = _posed(self.subject.sketch, solution, found)
             arrays |= poses
@@ -104,7 +105,8 @@ class Live:
             other, k = slaved.model, [str(m.symbol) for m in slaved.model.multipliers].index(name)
             slow = [x[solution.states.index(str(s))] for s in other.states]
             arrays["slaved"] = field_over(other, other.multipliers[k].residual, k, t, slow, mult, p, _LAM)
-            header |= {"slaved_roots": _roots(arrays["slaved"]), "fast": list(self._fast)}
+            header |= {"slaved_roots": _roots(arrays["slaved"])}
+        header["said"] = _layer_said(t, float(h[0]), self._fast if slaved is not None else ())
         return header, arrays
 
     def sentence(self) -> Answer:
@@ -299,6 +301,20 @@ def _roots(g: np.ndarray) -> list[list[float]]:
     at = np.flatnonzero((g[:-1] > 0) != (g[1:] > 0))
     lam = _LAM[at] - g[at] * (_LAM[1] - _LAM[0]) / (g[at + 1] - g[at])
     return [[float(l), float(g[k] > 0)] for l, k in zip(lam, at)]
+
+
+def _layer_said(t: float, h: float, fast: tuple[str, ...]) -> str:
+    where = "on the surface" if abs(h) < 1e-9 else f"off the surface, h = {short(h)}"
+    pink = f"; pink: {', '.join(map(written, fast))} at equilibrium" if fast else ""
+    return f"t = {short(t)}, {where}{pink}"
+
+
+def _outcome(solution: Solution) -> str:
+    """Why it stopped, or since when it is not unique."""
+    if not solution.success:
+        return solution.message
+    unsure = next(iter(solution.ambiguities), None)
+    return f"Not unique from t = {short(unsure.time)} on: {unsure}" if unsure else ""
 
 
 def _remedies(said: str) -> dict[str, Any]:
