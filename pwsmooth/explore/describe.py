@@ -28,10 +28,11 @@ TITLES = {
 }  # fmt: skip
 
 
-def describe(subject: Subject, solution: Any = None) -> dict[str, Any]:
+def describe(subject: Subject, solution: Any = None, view: Any = "") -> dict[str, Any]:
     """Title, names as they are written, sliders, menus, the views that it has, colours: JSON.
 
-    With a first solution the ranges of the states are those that its motion suggests.
+    With a first solution the ranges of the states are those that its motion suggests. `view` is the one that was asked
+    for, in place of the system's own.
     """
     system, model = subject.system, subject.system.model
     states = [s.name for s in model.states[: len(model.states) - model.n_memory]][:MOST]
@@ -63,7 +64,7 @@ def describe(subject: Subject, solution: Any = None) -> dict[str, Any]:
         "phase": list(subject.phase) or _phase(states, outputs),
         "characteristic": characteristic(model),
         "switches": switches(model),
-        "ways": _ways(subject),
+        "ways": _ways(subject, bool(view)),
         "map": _map(subject, states),
         "sketch": None if subject.sketch is None else {
             "shapes": subject.sketch.describe(), "bounds": subject.sketch.bounds, "note": subject.sketch.note,
@@ -102,12 +103,11 @@ def _views(subject: Subject, known: dict[str, Any]) -> dict[str, str]:
     return offered
 
 
-def _ways(subject: Subject) -> list[tuple[str, str]]:
+def _ways(subject: Subject, viewed: bool) -> list[tuple[str, str]]:
     """The views of the system that can be taken, its own first; none where nothing switches."""
-    if not switches(subject.system.model) and not subject.system._view:
+    if not viewed and not switches(subject.system.model):
         return []
-    layered = [("layered", "layered: fast states in the layer")]
-    layered *= _has_hidden(subject.system) or bool(subject.system._view)
+    layered = [("layered", "layered: fast states in the layer")] * (viewed or _has_hidden(subject.system))
     return [("", "as defined"), *layered, ("smoothed", f"smoothed, ε = {subject.eps:g}")]
 
 

@@ -148,18 +148,16 @@ def _layers(live: Live, switch: str, begin: float, end: float) -> str:
     header = {
         key: [_rounded(h[key]) for h, _ in found]
         for key in found[0][0]
-        if key not in ("kind", "switch")
+        if key not in ("kind", "switch", "pink")
     }
     arrays = {name: np.stack([a[name][::4] for _, a in found]) for name in found[0][1] if name != "lam"}
     arrays["lam"] = found[0][1]["lam"][::4]
-    same = {key: found[0][0][key] for key in ("kind", "switch")}
+    same = {key: found[0][0][key] for key in ("kind", "switch", "pink")}
     return _text(pack({**same, "rows": header}, arrays, short=True))
 
 
 def _rounded(item: Any) -> Any:
-    if isinstance(item, list):
-        return [_rounded(value) for value in item]
-    return item if isinstance(item, str) else float(f"{item:.5g}")
+    return [_rounded(value) for value in item] if isinstance(item, list) else float(f"{item:.5g}")
 
 
 def _thinned(arrays: Mapping[str, np.ndarray]) -> np.ndarray:

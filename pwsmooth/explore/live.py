@@ -97,7 +97,7 @@ class Live:
         g = field_over(model, model.multipliers[j].residual, j, t, x, mult, p, _LAM)
         arrays = {"lam": _LAM, "g": g}
         h = field_over(model, model.multipliers[j].surface, j, t, x, mult, p, _LAM[:1])
-        header = {"kind": "layer", "switch": name, "t": t, "now": mult[j], "roots": _roots(g), "h": float(h[0])}
+        header = {"kind": "layer", "switch": name, "t": t, "now": mult[j], "roots": _roots(g), "h": float(h[0]), "pink": ""}
         if "box" in asked:
             pair = tuple(str(n) for n in checks.several(asked.get("phase", ()), "`phase`"))
             header |= {"plane": pair, "sliding": _sliding(solution, t, x, mult, pair, asked["box"])}
@@ -106,7 +106,7 @@ class Live:
             slow = [x[solution.states.index(str(s))] for s in other.states]
             arrays["slaved"] = field_over(other, other.multipliers[k].residual, k, t, slow, mult, p, _LAM)
             header |= {"slaved_roots": _roots(arrays["slaved"])}
-        header["said"] = _layer_said(t, float(h[0]), self._fast if slaved is not None else ())
+            header["pink"] = f"; pink: {', '.join(map(written, self._fast))} at equilibrium"
         return header, arrays
 
     def sentence(self) -> Answer:
@@ -301,12 +301,6 @@ def _roots(g: np.ndarray) -> list[list[float]]:
     at = np.flatnonzero((g[:-1] > 0) != (g[1:] > 0))
     lam = _LAM[at] - g[at] * (_LAM[1] - _LAM[0]) / (g[at + 1] - g[at])
     return [[float(l), float(g[k] > 0)] for l, k in zip(lam, at)]
-
-
-def _layer_said(t: float, h: float, fast: tuple[str, ...]) -> str:
-    where = "on the surface" if abs(h) < 1e-9 else f"off the surface, h = {short(h)}"
-    pink = f"; pink: {', '.join(map(written, fast))} at equilibrium" if fast else ""
-    return f"t = {short(t)}, {where}{pink}"
 
 
 def _outcome(solution: Solution) -> str:

@@ -66,7 +66,7 @@ def _opened(subject: Subject, asked: Mapping[str, Any], pipe: Any, told: str = "
     current.orbit({"names": names, "phase": known["phase"]})  # compiles, or loads what was compiled
     for name in known["switches"][:1]:
         current.layer({"switch": name, "t": subject.t_span[0]})
-    known = describe(subject, current.solution)
+    known = describe(subject, current.solution, asked.get("view"))
     own = first_state(known, {})
     known["own"] = {key: own[key] for key in ("p", "x0", "t_span")}
     known["state"], left = restored(known, asked)

@@ -379,21 +379,19 @@ class App {
 
   // ---- where views stand
   arrange() {
-    const group = (...keys) => this.views.filter((v) => keys.includes(v.key)), boxes = (views) => views.map((v) => v.box);
-    const top = group("time", "mechanism"), small = group("phase", "characteristic", "layer");
-    const maps = this.swapped(group("diagram", "basins", "section")), tabbed = this.views.filter((v) => !top.includes(v));
-    if (!tabbed.some((v) => v.key === this.tab)) this.tab = tabbed[0]?.key;
-    const one = group(this.tab).filter((v) => tabbed.includes(v)), narrow = this.narrow.matches, { why } = this.scene.map;
-    const tab = (v) => button(v.title, () => this.show(v.key), { role: "tab", "aria-selected": String(one.includes(v)) });
-    const shown = narrow ? [...top, ...one] : [...top, ...small, ...maps, ...group("noise")];
+    const row = (name) => this.views.filter((v) => v.row === name), narrow = this.narrow.matches, { why } = this.scene.map;
+    const top = row("top"), maps = this.swapped(row("maps")), tabbed = this.views.filter((v) => v.row !== "top");
+    const one = tabbed.filter((v) => v.key === this.tab).concat(tabbed)[0];
+    const tab = (v) => button(v.title, () => this.show(v.key), { role: "tab", "aria-selected": String(v === one) });
+    const shown = narrow ? [...top.reverse(), ...tabbed.filter((v) => v === one)] : [...top, ...row("small"), ...maps, ...row("noise")];
+    this.tab = one?.key;
     this.tabs.replaceChildren(...tabbed.map(tab));
-    if (narrow) this.main.replaceChildren(...boxes(top.reverse()), this.tabs, ...boxes(one));
-    else this.main.replaceChildren(...boxes(shown));
+    this.main.replaceChildren(...shown.map((v) => v.box));
+    if (narrow) one?.box.before(this.tabs);
     if (why && !this.mapped && !narrow)
       this.main.append(element("p.missing", `No diagram, basins or section: ${why}. `, this.sections()));
     this.tabs.querySelector('[aria-selected="true"]')?.scrollIntoView({ block: "nearest", inline: "center" });
-    const count = (views) => views.filter((v) => shown.includes(v)).length;
-    Object.assign(this.main.dataset, { mechanism: count(top) > 1, maps: count(maps), small: count(small) });
+    for (const name of ["top", "small", "maps"]) this.main.dataset[name] = shown.filter((v) => v.row === name).length;
     for (const v of this.views)
       if (v.id && !v.box.isConnected) {
         this.halt(v);

@@ -32,8 +32,8 @@ export function range(values, first = 0, last = values.length, step = 1) {
   }
   return [low, high];
 }
-// The least interval with all of these in it.
-export const hull = (intervals) => range(intervals.flat());
+// The least interval with all of these in it; empty ones are [Infinity, -Infinity].
+export const hull = (intervals) => [range(intervals.map((i) => i[0]))[0], range(intervals.map((i) => i[1]))[1]];
 
 // One of the two scales of a plot, from pixel `begin` on, `size` pixels long.
 class Axis {

@@ -1,6 +1,7 @@
 // The views: what each draws of the state, and what a gesture on it changes. All read `app`, whose methods write the state.
 import { Plot, clamp, gestures, hull, mixed, range, rgb, shown } from "./plot.js";
 
+const short = (v) => shown(v, Math.abs(v) || 1);
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 // A colour as a pixel of ImageData.
 const pixel = (colour, alpha = 255) => rgb(colour).reduce((sum, c, k) => sum + c * 256 ** k, alpha * 256 ** 3);
@@ -25,6 +26,7 @@ export const choice = (label, options, value, change) =>
   );
 
 class View {
+  row = "small"; // of the page, in which it stands
   constructor(app, key, title) {
     Object.assign(this, { app, key, title });
   }
@@ -53,7 +55,7 @@ class View {
     this.heading = element("h2", this.title);
     this.stage = element("div.stage", { onkeydown: (e) => this.keyed(e) }, this.canvas);
     const head = element("figcaption", this.heading, this.tools);
-    this.box = element(`figure.${this.key}`, head, this.stage, this.note);
+    this.box = element(`figure.${this.key}.${this.row}`, head, this.stage, this.note);
     this.plot = new Plot(this.canvas);
     this.fill();
     const on = this.gestures();
@@ -107,6 +109,7 @@ class View {
 
 // Time series: one strip a name, on one axis of time.
 class Time extends View {
+  row = "top";
   fill() {
     const line = (value) => {
       const box = element("input", { type: "checkbox", value, onchange: () => this.chosen() });
@@ -324,12 +327,15 @@ class Layer extends View {
     plot.dot(now, g[Math.round(((now + 1) / 2) * (g.length - 1))] ?? 0, theme.ink, 4.5);
   }
   after({ layer }) {
-    if (layer) this.say(layer.header.said);
+    if (!layer) return;
+    const { t, h, pink } = layer.header, where = Math.abs(h) < 1e-9 ? "on the surface" : `off the surface, h = ${short(h)}`;
+    this.say(`t = ${short(t)}, ${where}${pink}`);
   }
 }
 
 // A map of the maps' process: what it was asked, how far it is, whether the state has moved on.
 class Grown extends View {
+  row = "maps";
   job = null;
   halted = "";
   hint = "";
@@ -470,8 +476,8 @@ class Diagram extends Grown {
         const { x, y } = this.plot, [across, along] = this.brush, reach = ([a, b]) => Math.abs(b - a);
         this.brush = null;
         if (reach(across) > 6) {
-          this.app.setMap("diagram", { range: hull(across.map((v) => x.at(v))) });
-          if (reach(along) > 20) y.zoomed = hull(along.map((v) => y.at(v)));
+          this.app.setMap("diagram", { range: range(across.map((v) => x.at(v))) });
+          if (reach(along) > 20) y.zoomed = range(along.map((v) => y.at(v)));
         }
         this.draw();
       },
@@ -656,13 +662,13 @@ class Section extends Grown {
     return { zoom: this.zooming, click: (x, y) => this.app.locked || this.app.begin(this.at(x, y), true) };
   }
   // The values of one state.
-  row(name) {
+  series(name) {
     const names = this.job?.header?.names || [], j = names.indexOf(name);
     return this.points.flatMap((some) => [...some].filter((_, k) => k % names.length === j));
   }
   scale({ x, y }) {
     x.margin = 0.08;
-    this.rows = this.pair.map((n) => this.row(n));
+    this.rows = this.pair.map((n) => this.series(n));
     x.cover(range(this.rows[0]));
     y.cover(range(this.rows[1]));
   }
@@ -678,6 +684,7 @@ class Section extends Grown {
 
 // Paths under noise, their mean, and the orbit without it.
 class Noise extends Grown {
+  row = "noise";
   paths = [];
   get pair() {
     return [this.scene.time, this.state.noise.name];
@@ -723,6 +730,7 @@ class Noise extends Grown {
 
 // The mechanism at the cursor: shapes whose places are rows of the pose.
 class Mechanism extends View {
+  row = "top";
   fill() {
     const tool = (text, title, act) => button(text, act, { title, "aria-label": title });
     this.toggle = tool("▶", "play or pause", () => this.app.play());
@@ -733,7 +741,7 @@ class Mechanism extends View {
   gestures() {}
   // Left, right, bottom, top: as given, or as the motion needs them; they do not shrink.
   edges(orbit) {
-    const { bounds, shapes } = this.scene.sketch, reach = (this.reach ||= { x: [], y: [] });
+    const { bounds, shapes } = this.scene.sketch, reach = (this.reach ||= { x: range([]), y: range([]) });
     if (bounds) return bounds;
     let row = 0;
     for (const s of shapes) {
@@ -762,7 +770,7 @@ class Mechanism extends View {
       else this.body(s, X(p.x), Y(p.y), p.angle || 0, k);
     }
     this.toggle.textContent = app.clock ? "❚❚" : "▶";
-    this.note.textContent = `t = ${shown(cursor, Math.abs(cursor) || 1)}${note ? `; ${note}` : ""}`;
+    this.note.textContent = `t = ${short(cursor)}${note ? `; ${note}` : ""}`;
   }
   // What lies between two points: spring, bar, belt, ground, arrow.
   long(s, x1, y1, x2, y2, k, travel) {
