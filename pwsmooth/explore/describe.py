@@ -12,7 +12,7 @@ import sympy as sp
 from .. import plotting
 from ..definition.model import Model
 from ..sweep.study import law_of
-from .labels import spelled
+from .labels import spelled, written
 from .subject import Subject, laws_for
 
 #: What a page may ask of a process; `each` within a factor of 10 by the page.
@@ -64,11 +64,9 @@ def describe(subject: Subject, solution: Any = None, view: Any = "") -> dict[str
         "phase": list(subject.phase) or _phase(states, outputs),
         "characteristic": characteristic(model),
         "switches": switches(model),
-        "ways": _ways(subject, bool(view)),
+        "models": _models(subject, str(view or "")),
         "map": _map(subject, states),
-        "sketch": None if subject.sketch is None else {
-            "shapes": subject.sketch.describe(), "bounds": subject.sketch.bounds, "note": subject.sketch.note,
-        },
+        "sketch": subject.sketch and {"shapes": subject.sketch.describe(), "note": subject.sketch.note},
         "law": _law(subject),
         "noise": "" if subject.noise is None else str(subject.noise),
         "eps": subject.eps,
@@ -84,8 +82,9 @@ def describe(subject: Subject, solution: Any = None, view: Any = "") -> dict[str
         "limits": LIMITS,
     }  # fmt: skip
     told = [*states, *multipliers, *outputs, *known["characteristic"], known["time"],
-            *(c["name"] for c in known["controls"]), *(f["name"] for f in known["law"].get("shape", ()))]  # fmt: skip
-    return known | {"labels": {name: spelled(name) for name in told}, "views": _views(subject, known)}
+            *(c["name"] for c in known["controls"])]  # fmt: skip
+    known["labels"] = {name: spelled(name) for name in told}
+    return known | {"views": _views(subject, known), "menus": _menus(known)}
 
 
 def _views(subject: Subject, known: dict[str, Any]) -> dict[str, str]:
@@ -103,12 +102,42 @@ def _views(subject: Subject, known: dict[str, Any]) -> dict[str, str]:
     return offered
 
 
-def _ways(subject: Subject, viewed: bool) -> list[tuple[str, str]]:
-    """The views of the system that can be taken, its own first; none where nothing switches."""
-    if not viewed and not switches(subject.system.model):
-        return []
-    layered = [("layered", "layered: fast states in the layer")] * (viewed or _has_hidden(subject.system))
-    return [("", "as defined"), *layered, ("smoothed", f"smoothed, ε = {subject.eps:g}")]
+def _menus(known: dict[str, Any]) -> dict[str, list[Any]]:
+    """Menus of the views: (what it is for, the place in the state that it writes, its options with their texts)."""
+
+    def named(names: list[str]) -> list[tuple[str, str]]:
+        return [(name, written(name)) for name in names]
+
+    states, outputs, everything = known["states"], known["outputs"], [*known["states"], *known["multipliers"]]
+    ways = [(0, "same start"), (1, "carried on →"), (-1, "carried on ←")]
+    sides = ("horizontal axis", "vertical axis")
+    return {
+        "phase": [(side, ("phase", k), named([*everything, *outputs])) for k, side in enumerate(sides)],
+        "layer": [("switch", ("switch",), named(known["switches"]))] * (len(known["switches"]) > 1),
+        "diagram": [
+            ("parameter", ("diagram", "parameter"), named([c["name"] for c in known["controls"]])),
+            ("what is shown", ("diagram", "y"), named(states)),
+            ("where each column starts", ("diagram", "carry"), ways),
+        ],
+        "basins": [(f"{side} of the basins", ("basins", "axes", k), named(states)) for k, side in enumerate(sides)],
+        "noise": [("what is shown", ("noise", "name"), named([*states, *outputs]))],
+    }  # fmt: skip
+
+
+def _models(subject: Subject, view: str) -> list[dict[str, Any]]:
+    """Menus for another law, what shapes it, and another view of the system: `name` is chosen, the `part` goes with it."""
+    law, found = _law(subject), []
+    if law and len(law["all"]) > 1:
+        found.append({"text": "Law", "label": "law", "name": "law", "value": law["name"],
+                      "options": [(n, n) for n in law["all"]], "part": {"values": {}, "view": ""}})  # fmt: skip
+    for f in law.get("shape", ()):
+        found.append({"text": written(f["name"]), "label": f["meaning"], "name": f["name"], "value": f["value"],
+                      "options": [(c, c) for c in f["choices"]], "part": {"law": law["name"]}, "shape": True})  # fmt: skip
+    if view or switches(subject.system.model):
+        layered = [("layered", "layered: fast states in the layer")] * (bool(view) or _has_hidden(subject.system))
+        found.append({"text": "View", "label": "view of the system", "name": "view", "value": view, "part": {},
+                      "options": [("", "as defined"), *layered, ("smoothed", f"smoothed, ε = {subject.eps:g}")]})  # fmt: skip
+    return found
 
 
 def _law(subject: Subject) -> dict[str, Any]:
@@ -174,7 +203,10 @@ def _map(subject: Subject, states: list[str]) -> dict[str, Any]:
     known: dict[str, Any] = {
         "ok": subject.period is not None, "why": "",
         "parameter": next((n for n in (*subject.ranges, *controlled) if n in controlled), None),
-        "sections": states if subject.period is None else [],
+        "sections": [] if subject.period is not None else [
+            (f"{n} {way}", f"{written(n)} = 0, {told}")
+            for n in states[:20] for way, told in ((1, "rising"), (-1, "falling"))
+        ],
     }  # fmt: skip
     if subject.system.model.smoothing:
         why = "a smoothed view runs on the stiff path, too slowly for a map that grows"

@@ -98,7 +98,7 @@ def standalone(
                       "grid": values.tolist(), "span": (values[0], values[-1])}],
         "switches": scene["switches"][:1],
         "map": {"ok": diagram, "parameter": name, "sections": [], "views": {}, "why": ""},
-        "labels": {**scene["labels"], name: spelled(name)},
+        "labels": {**scene["labels"], name: spelled(name)}, "menus": {},
     }  # fmt: skip
     scene["state"], _ = restored(scene, {"x0": scene["start"]})
     grown = []
@@ -126,7 +126,8 @@ def _column_frame(state: str, header: Mapping[str, Any], arrays: Mapping[str, np
     if arrays:
         arrays["points"] = arrays["points"][..., [header["names"].index(state)]]
         arrays["last"] = arrays["points"][:, -1]
-    return _text(pack({**header, "names": [state], "job": 0}, arrays, short=True))
+    said = header["said"].replace("; drag: zoom", "")
+    return _text(pack({**header, "names": [state], "job": 0, "said": said}, arrays, short=True))
 
 
 def _text(frame: bytes) -> str:

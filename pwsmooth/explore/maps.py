@@ -58,8 +58,9 @@ class _Progress:
         self.done += more
         finished = self.done >= self.of
         rest = "" if finished or not self.said else f" {self.done} of {self.of} columns."
+        hint = " Click: orbit there; drag: zoom." if self.said else ""
         return {"done": self.done, "of": self.of, "cpu": time.process_time() - self.begun,
-                "finished": finished, "said": self.said + rest}  # fmt: skip
+                "finished": finished, "said": self.said + rest + hint}  # fmt: skip
 
 
 def _returns(strobes: Mapping[str, Any]) -> str:
@@ -150,9 +151,9 @@ def section(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
         cycles = (tail[c:] - tail[:-c] for c in range(1, 9) if len(tail) == 32)
         repeats = any(bool((np.abs(off) <= _REPEATS * (1 + np.abs(tail).max(axis=0))).all()) for off in cycles)
         told["finished"] |= repeats or len(points) < size
-        what = "returns" if by["section"] else "periods"
+        what, hint = "returns" if by["section"] else "periods", "" if subject.read_only else " Click: start there."
         yield (
-            told | {"repeats": repeats, "said": f"{progress.done} {what}{', repeating' * repeats}."},
+            told | {"repeats": repeats, "said": f"{progress.done} {what}{', repeating' * repeats}.{hint}"},
             {"points": np.concatenate([last, points]) if len(last) == 1 else points},
         )
         if told["finished"]:

@@ -130,7 +130,7 @@ class App {
       if (this.waiting) this.send(); // the next solve runs while this one is drawn
       if (header.seq < this.drawnSeq) return;
       this.drawnSeq = header.seq;
-      this.refuse(refused ? why : "");
+      this.refuse(header);
       if (!refused) this.arrive(header, arrays);
     } else if (refused) {
       this.tell(why, true);
@@ -156,8 +156,9 @@ class App {
     const rows = new Map(names.map((n, k) => [n, part(values, k, m)]));
     this.arrived = { header, t, names, values: rows, raw: status, phase: this.asked?.phase || [] };
     if (header.pose) {
-      // Rows of the pose: numbers that stay, or values at the times of the pose.
-      const shapes = header.pose.map((r) => r.is ?? part(pose, r.at, pose_t.length));
+      // Rows of the pose: numbers that stay, or the next values at the times of the pose.
+      let moving = 0;
+      const shapes = header.pose.map((still) => still ?? part(pose, moving++, pose_t.length));
       this.arrived.pose = shapes;
       this.arrived.poseAt = (t) => {
         const place = this.place(t, pose_t);
@@ -307,32 +308,27 @@ class App {
     return Object.assign(element(`span.${kind}`, fields), { show });
   }
   controls() {
-    const { scene, state } = this, { law } = scene, menu = (text, ...what) => element("div.span", element("span", text), ...what);
+    const { scene, state } = this, menu = (text, ...what) => element("div.span", element("span", text), ...what);
     this.fields = {};
     const rows = scene.controls.map((c) => this.slider(c, "p")), starts = scene.starts.map((c) => this.slider(c, "x0"));
     this.spanned = this.ends("pair", state.t_span, ["begin of the span", "end of the span"], (t_span) => this.set({ t_span }));
-    const menus = [menu("Span", this.spanned)];
-    const laws = (name) => this.turn({ law: name, values: {}, view: "" });
-    if (law.all?.length > 1) menus.push(menu("Law", choice("law", law.all.map((n) => [n, n]), law.name, laws)));
-    for (const f of law.shape || []) menus.push(menu(this.written(f.name), this.shaping(f)));
-    const ways = (view) => this.turn({ view });
-    if (scene.ways.length) menus.push(menu("View", choice("view of the system", scene.ways, state.view, ways)));
+    const menus = scene.models.map((m) => menu(m.text, this.model(m)));
     this.table = element("dl");
     const more = rows.splice(12);
     if (more.length) rows.push(details(`${more.length} more`, ...more));
     this.sliders.replaceChildren(
-      element("h2", "Parameters"), ...rows, element("h2", "Start"), ...starts, ...menus,
+      element("h2", "Parameters"), ...rows, element("h2", "Start"), ...starts, menu("Span", this.spanned), ...menus,
       element("div.actions", button("Reset", () => this.reset())), details("Numbers", this.table),
     );
     this.sliders.inert = !!scene.read_only;
     this.last(this.fields[scene.map.parameter]?.row || rows[0] || starts[0]);
   }
-  // A number or word that shapes the law: the model is made again.
-  shaping({ name, value, meaning, choices }) {
-    const write = (v) => this.turn({ law: this.scene.law.name, values: { ...this.state.values, [name]: v } });
-    if (choices.length) return choice(meaning, choices.map((c) => [c, c]), value, write);
+  // A law or view by its name, or a number or word that shapes the law: the model is made again.
+  model({ label, name, value, options, part, shape }) {
+    const write = (v) => this.turn({ ...part, ...(shape ? { values: { ...this.state.values, [name]: v } } : { [name]: v }) });
+    if (options.length) return choice(label, options, value, write);
     const read = ({ target: { valueAsNumber: v } }) => Number.isFinite(v) && write(v);
-    return number(meaning, value, read, { title: meaning });
+    return number(label, value, read, { title: label });
   }
   last(row) {
     this.lastRow?.classList.remove("last");
@@ -359,19 +355,21 @@ class App {
     const { cursor } = this.state, rows = this.orbit.names.map((n) => [this.written(n), plain(this.value(n, cursor))]);
     this.table.replaceChildren(...table([["t", plain(cursor)], ...rows]));
   }
+  // Buttons for parts of the state that help.
+  remedies(given) {
+    const act = (part) => ("view" in part ? this.turn(part) : this.write(part));
+    return this.locked ? [] : given.map(([text, part]) => button(text, () => act(part)));
+  }
   // A value that the system refuses stays in its field, red, with the system's own sentence.
-  refuse(why) {
+  refuse({ kind, why, field, remedies }) {
     for (const { said, number } of Object.values(this.fields)) {
       said.hidden = true;
       number.removeAttribute("aria-invalid");
     }
-    if (!why) return;
-    const meant = (n) => why.includes(`'${n.replace("x0.", "")}'`) || why.includes(`of ${n} `);
-    const { said, number } = this.fields[Object.keys(this.fields).find(meant)] || {};
-    if (!said) return this.tell(why, true);
-    said.replaceChildren(why);
-    if (this.scene.ways[1]?.[0] === "layered" && !this.state.view)
-      said.append(button("Take the layered view", () => this.turn({ view: "layered" })));
+    if (kind !== "refused") return;
+    if (!this.fields[field]) return this.tell(why, true);
+    const { said, number } = this.fields[field];
+    said.replaceChildren(why, ...this.remedies(remedies));
     said.hidden = false;
     number.setAttribute("aria-invalid", "true");
     number.setAttribute("aria-describedby", said.id);
@@ -403,9 +401,8 @@ class App {
   }
   // A section of an autonomous system: a state's zero, chosen by hand.
   sections() {
-    const { sections } = this.scene.map, turns = [["rising", 1], ["falling", -1]];
+    const { sections } = this.scene.map;
     if (!sections.length || this.locked) return [];
-    const ways = (n) => turns.map(([text, d]) => [`${n} ${d}`, `${this.written(n)} = 0, ${text}`]);
     const choose = (v) => {
       const [n, d] = v.split(" ");
       this.remember();
@@ -413,7 +410,7 @@ class App {
       this.build();
       this.ask();
     };
-    return choice("section", [["", "choose a section"], ...sections.slice(0, 20).flatMap(ways)], "", choose);
+    return choice("section", [["", "choose a section"], ...sections], "", choose);
   }
   show(key) {
     this.tab = key;

@@ -43,6 +43,7 @@ class View {
     return this.app.theme;
   }
   fill() {}
+  more() {}
   scale() {}
   after() {}
   gestures() {
@@ -57,7 +58,12 @@ class View {
     const head = element("figcaption", this.heading, this.tools);
     this.box = element(`figure.${this.key}.${this.row}`, head, this.stage, this.note);
     this.plot = new Plot(this.canvas);
-    this.fill();
+    this.fill(this.app);
+    for (const [label, key, options] of this.scene.menus[this.key] || []) {
+      const value = key.reduce((part, k) => part[k], this.state);
+      this.tools.append(choice(label, options, value, (v) => this.chosen(key.at(-1), v, this.app)));
+    }
+    this.more(this.app);
     const on = this.gestures();
     if (on) gestures(this.plot, on);
     if (on?.zoom) this.tools.append(button("Fit", () => this.fit(), { title: "All of it, at the best scale" }));
@@ -89,11 +95,6 @@ class View {
     if (this.note.textContent !== text) this.note.textContent = text;
     this.canvas.setAttribute("aria-label", `${this.title}: ${y.label} over ${x.label}. ${more}`);
   }
-  // Two menus for the names of the axes.
-  menus(options, label, change) {
-    const menu = (k) => choice(`${k ? "vertical" : "horizontal"} axis${label}`, this.app.named(options), this.pair[k], (v) => change(k, v));
-    this.tools.append(menu(0), menu(1));
-  }
   // A place in the plane of two states.
   at(x, y) {
     return { [this.pair[0]]: x, [this.pair[1]]: y };
@@ -118,6 +119,7 @@ class Time extends View {
     const lines = this.app.names.slice(0, 40).map(line);
     this.boxes = lines.map((label) => label.firstChild);
     this.tools.append(element("details.menu", element("summary", "Curves"), element("div", lines)));
+    this.cures = this.box.appendChild(element("p.actions"));
     this.strip();
   }
   chosen() {
@@ -159,21 +161,6 @@ class Time extends View {
     if (way) this.app.point(this.state.cursor + (way * (high - low) * size) / 500);
     return !!way;
   }
-  // Of a run that stopped, what the page itself can do.
-  remedies(ok) {
-    if (this.cured === ok) return;
-    this.cured = ok;
-    const { app } = this, shorter = () => {
-      const [begin, end] = this.orbit.header.t_span;
-      app.write({ t_span: [begin, begin + 0.98 * (end - begin)] });
-    };
-    this.cures ||= this.box.appendChild(element("p.actions"));
-    this.cures.replaceChildren();
-    if (ok || app.locked) return;
-    this.cures.append(button("Shorter span", shorter));
-    if (this.scene.switches.length && !this.state.view)
-      this.cures.append(button("Smoothed view", () => app.turn({ view: "smoothed" })));
-  }
   draw() {
     const { app, orbit, theme } = this, { names, cursor } = this.state, h = orbit?.header;
     if (!orbit || !this.box.isConnected) return;
@@ -197,7 +184,9 @@ class Time extends View {
         plot.dot(cursor, app.value(plot.name, cursor), theme.ink, 4.5);
       });
     }
-    this.remedies(h.ok);
+    // Of a run that stopped, what the page itself can do.
+    if (this.cured !== h.ok) this.cures.replaceChildren(...app.remedies(h.remedies));
+    this.cured = h.ok;
     this.note.textContent = h.said;
     this.note.classList.toggle("bad", !h.ok);
   }
@@ -242,11 +231,9 @@ class Phase extends Characteristic {
   get pair() {
     return this.state.phase;
   }
-  fill() {
-    this.menus(this.app.names, "", (k, name) => {
-      this.refresh();
-      this.app.set({ phase: this.pair.with(k, name) });
-    });
+  chosen(k, name, app) {
+    this.refresh();
+    app.set({ phase: this.pair.with(k, name) });
   }
   // Whether a start can be chosen in it.
   get free() {
@@ -299,13 +286,9 @@ class Layer extends View {
   get pair() {
     return [this.state.switch, "dh/dt"];
   }
-  fill() {
-    const { app } = this, { switches } = this.scene;
-    const change = (name) => {
-      app.set({ switch: name });
-      app.askLayer();
-    };
-    if (switches.length > 1) this.tools.append(choice("switch", app.named(switches), this.state.switch, change));
+  chosen(key, name, app) {
+    app.set({ switch: name });
+    app.askLayer();
   }
   gestures() {}
   scale({ x, y }, { layer }) {
@@ -338,17 +321,16 @@ class Grown extends View {
   row = "maps";
   job = null;
   halted = "";
-  hint = "";
-  options() {}
   asked() {
     return {};
   }
-  fill() {
+  fill(app) {
     this.bar = element("progress", { max: 1, value: 0, "aria-label": "progress" });
     this.stage.append(this.bar);
     this.tools.hidden = !!this.scene.alone;
-    this.live = element("input", { type: "checkbox", checked: this.key !== "basins", onchange: () => this.app.moved() });
-    this.options(this.app);
+    this.live = element("input", { type: "checkbox", checked: this.key !== "basins", onchange: () => app.moved() });
+  }
+  more() {
     const anew = { title: "Compute", "aria-label": `compute: ${this.title}` };
     this.tools.append(
       element("label", { title: "Computed anew when a parameter has rested" }, this.live, " live"),
@@ -416,7 +398,7 @@ class Grown extends View {
     const { p, header } = this.job, changed = Object.keys(p).filter((n) => this.state.p[n] !== p[n] && this.ignored !== n);
     const values = changed.map((n) => `${app.written(n)} = ${+p[n].toPrecision(5)}`).join(", ");
     const mark = values ? `Of ${values}. ` : this.stale ? "Of another state. " : "";
-    this.say(mark + this.halted + header.said + this.hint);
+    this.say(mark + this.halted + header.said);
   }
 }
 
@@ -425,21 +407,10 @@ class Diagram extends Grown {
   get pair() {
     return [this.ignored, this.state.diagram.y];
   }
-  options(app) {
-    const { controls, states, alone } = this.scene, { parameter, y, carry } = this.state.diagram;
-    const ways = [["0", "same start"], ["1", "carried on →"], ["-1", "carried on ←"]];
-    const up = (y) => {
-      app.setMap("diagram", { y }, false);
-      this.plot.y.forget();
-      this.draw();
-    };
-    this.hint = ` Click: orbit there${alone ? "" : "; drag: zoom"}.`;
-    this.tools.append(
-      choice("parameter", app.named(controls.map((c) => c.name)), parameter, (name) =>
-        app.setMap("diagram", { parameter: name, range: null })),
-      choice("what is shown", app.named(states), y, up),
-      choice("where each column starts", ways, String(carry), (v) => app.setMap("diagram", { carry: +v })),
-    );
+  chosen(key, value, app) {
+    if (key !== "y") return app.setMap("diagram", key === "carry" ? { carry: +value } : { parameter: value, range: null });
+    app.setMap("diagram", { y: value }, false);
+    this.fit();
   }
   get ignored() {
     return this.state.diagram.parameter;
@@ -545,13 +516,10 @@ class Basins extends Grown {
   get pair() {
     return this.state.basins.axes;
   }
-  options() {
-    const { states } = this.scene;
-    this.menus(states, " of the basins", (k, name) => {
-      const axes = this.pair.with(k, name);
-      if (axes[0] === axes[1]) axes[1 - k] = states.find((n) => n !== name);
-      this.over(axes);
-    });
+  chosen(k, name) {
+    const axes = this.pair.with(k, name);
+    if (axes[0] === axes[1]) axes[1 - k] = this.scene.states.find((n) => n !== name);
+    this.over(axes);
   }
   over(axes) {
     this.app.setMap("basins", { axes, ranges: axes.map((n) => this.scene.axes[n]) });
@@ -647,9 +615,6 @@ class Section extends Grown {
     const { phase } = this.state, { states } = this.scene;
     return phase.every((n) => states.includes(n)) ? phase : states.slice(0, 2);
   }
-  options({ locked }) {
-    this.hint = locked ? "" : " Click: start there.";
-  }
   restart() {
     super.restart();
     this.points = [];
@@ -689,13 +654,14 @@ class Noise extends Grown {
   get pair() {
     return [this.scene.time, this.state.noise.name];
   }
-  options(app) {
-    const { states, outputs } = this.scene, { name, seed } = this.state.noise, write = (part) => app.setMap("noise", part);
-    const oninput = (e) => write({ seed: +e.target.value });
-    this.tools.append(
-      choice("what is shown", app.named([...states, ...outputs]), name, (name) => write({ name })),
-      element("label", "seed ", element("input", { type: "range", min: 0, max: 99, value: seed, "aria-label": "seed", oninput })),
-    );
+  chosen(key, name, app) {
+    app.setMap("noise", { name });
+  }
+  more(app) {
+    const { seed } = this.state.noise, oninput = (e) => app.setMap("noise", { seed: +e.target.value });
+    const line = element("input", { type: "range", min: 0, max: 99, value: seed, "aria-label": "seed", oninput });
+    this.tools.append(element("label", "seed ", line));
+    super.more();
   }
   depends() {
     const { t_span, noise } = this.state;
@@ -739,25 +705,12 @@ class Mechanism extends View {
     );
   }
   gestures() {}
-  // Left, right, bottom, top: as given, or as the motion needs them; they do not shrink.
-  edges(orbit) {
-    const { bounds, shapes } = this.scene.sketch, reach = (this.reach ||= { x: range([]), y: range([]) });
-    if (bounds) return bounds;
-    let row = 0;
-    for (const s of shapes) {
-      const wide = s.width || 2 * (s.radius || 0), size = { x: wide, y: s.height || 2 * (s.radius || 0) || wide };
-      for (const place of s.places) {
-        const at = orbit.pose[row++], axis = place[0], [low, most] = range(typeof at === "number" ? [at] : at);
-        if (axis in reach) reach[axis] = hull([reach[axis], [low - size[axis] / 2, most + size[axis] / 2]]);
-      }
-    }
-    const [l, r] = reach.x, [b, u] = reach.y, pad = 0.06 * (r - l);
-    return [l - pad, r + pad, b - 2 * pad, u + pad];
-  }
   draw() {
     const { app, plot, orbit, theme } = this, { shapes, note } = this.scene.sketch, { cursor } = this.state;
     if (!orbit?.pose || !this.box.isConnected || !plot.measure()) return;
-    const { width, height } = plot, [l, r, b, u] = this.edges(orbit), k = Math.min(width / (r - l), height / (u - b));
+    // The room that the motion needs does not shrink.
+    this.reach = orbit.header.reach.map((v, k) => (k % 2 ? Math.max : Math.min)(v, this.reach?.[k] ?? v));
+    const { width, height } = plot, [l, r, b, u] = this.reach, k = Math.min(width / (r - l), height / (u - b));
     const X = (x) => width / 2 + (x - (l + r) / 2) * k, Y = (y) => height / 2 - (y - (b + u) / 2) * k;
     const at = orbit.poseAt(cursor), tint = (part) => mixed(theme.paper, theme.ink, part);
     this.tones = { fill: tint(theme.dark ? 0.3 : 0.12), steel: tint(0.55) };
