@@ -19,7 +19,7 @@ from .subject import Subject, laws_for
 LIMITS = {"span": 1000.0, "periods": 500, "steps": 200_000, "seconds": 2.0, "columns": 2000, "points": 1000,
           "cells": 600, "job": 600.0}  # fmt: skip
 MOST = 100  # states, of which all are listed; of more these first ones
-STARTS = 12  # states that have a slider
+STARTS, CURVES = 12, 40  # states that have a slider, names that can be drawn over time
 #: Views in the order in which they stand on the page.
 TITLES = {
     "time": "Time series", "mechanism": "Mechanism", "phase": "Phase plane", "characteristic": "Characteristic",
@@ -56,7 +56,7 @@ def describe(subject: Subject, solution: Any = None, view: Any = "") -> dict[str
         "period": subject.period_at({}),
         "axes": axes,
         "starts": [
-            {"name": name, "min": low, "max": high, "unit": units.get(name, ""), "value": subject.start[name]}
+            {"name": name, "min": low, "max": high, "tail": units.get(name, ""), "value": subject.start[name]}
             for name, (low, high) in list(axes.items())[:STARTS]
         ],
         "controls": controls(subject),
@@ -71,6 +71,7 @@ def describe(subject: Subject, solution: Any = None, view: Any = "") -> dict[str
         "noise": "" if subject.noise is None else str(subject.noise),
         "eps": subject.eps,
         "read_only": subject.read_only,
+        "locked": subject.read_only,
         "command": subject.command or "pwsmooth explore SCENE",
         "colours": {
             "right": plotting.COLOUR["right"], "left": plotting.COLOUR["left"], "stick": plotting.COLOUR["stick"],
@@ -83,7 +84,11 @@ def describe(subject: Subject, solution: Any = None, view: Any = "") -> dict[str
     }  # fmt: skip
     told = [*states, *multipliers, *outputs, *known["characteristic"], known["time"],
             *(c["name"] for c in known["controls"])]  # fmt: skip
-    known["labels"] = {name: spelled(name) for name in told}
+    known["labels"] = {
+        name: (*spelled(name), text := written(name), f"{text} ({units[name]})" if name in units else text)
+        for name in told
+    }
+    known["curves"] = [(n, written(n)) for n in (*states, *multipliers, *outputs)][:CURVES]
     return known | {"views": _views(subject, known), "menus": _menus(known)}
 
 
@@ -147,7 +152,7 @@ def _law(subject: Subject) -> dict[str, Any]:
     law = law_of(subject.made.law)
     shaping = [f for f in fields(law) if f.metadata["structural"]]
     return {
-        "name": subject.made.law, "all": laws_for(subject), "moving": subject.moving,
+        "name": subject.made.law, "all": laws_for(subject),
         "shape": [{"name": f.name, "value": subject.made.values.get(f.name, f.default),
                    "meaning": f.metadata["meaning"], "choices": list(f.metadata["choices"])} for f in shaping],
     }  # fmt: skip
@@ -236,7 +241,9 @@ def controls(subject: Subject) -> list[dict[str, Any]]:
     for name, members in system.groups.items():
         inside = [m for m in members if m in values]
         if len(inside) > 1 and len({values[m][1] for m in inside}) == 1:
-            found.append(_control(subject, name, *values[inside[0]]) | {"each": len(inside)})
+            each = _control(subject, name, *values[inside[0]])
+            each["tail"] = f"{each['tail']} each of {len(inside)}".strip()
+            found.append(each | {"each": len(inside)})
             taken |= set(inside)
     found += [_control(subject, name, p, v) for name, (p, v) in values.items() if name not in taken]
     order = list(values)
@@ -249,10 +256,10 @@ def _control(subject: Subject, name: str, symbol: Any, value: float) -> dict[str
         low, high = subject.ranges[name]
         log = log and low > 0 and high / low > 30
     span = (max(low, value / 10), min(high, 5 * value)) if log else (low or 1e-3 * high, high)
-    base = name.partition("_")[0]
+    base, unit = name.partition("_")[0], subject.units.get(name, "")
     return {
         "name": name, "value": value, "min": low, "max": high, "log": log, "span": span,
-        "unit": subject.units.get(name, "") if subject.units.get(name) != "1" else "",
+        "unit": "" if unit == "1" else unit, "tail": "" if unit == "1" else unit,
         "meaning": subject.meanings.get(name, subject.meanings.get(base, "")),
         "sign": "positive" if symbol.is_positive else "nonnegative" if symbol.is_nonnegative else "real",
     }  # fmt: skip

@@ -19,7 +19,7 @@ from ..definition import checks
 from .bundle import module, static, style
 from .describe import describe
 from .frames import pack
-from .labels import spelled
+from .labels import spelled, written
 from .live import Live, state_of
 from .maps import diagram as columns_of
 from .state import restored
@@ -92,13 +92,13 @@ def standalone(
     scene = describe(replace(subject, views=shown), live.solution)
     (control,) = [c for c in scene["controls"] if c["name"] == name] or [None]
     scene |= {
-        "kind": "scene", "alone": True, "start": {**scene["start"], **asked.get("x0", {})},
+        "kind": "scene", "alone": True, "locked": True, "start": {**scene["start"], **asked.get("x0", {})},
         "controls": [{**(control or {"name": name, "unit": "", "meaning": "", "sign": "real"}), "log": False,
                       "min": values[0], "max": values[-1], "value": _nearest(values, p.get(name, _own(subject, name))),
                       "grid": values.tolist(), "span": (values[0], values[-1])}],
         "switches": scene["switches"][:1],
         "map": {"ok": diagram, "parameter": name, "sections": [], "views": {}, "why": ""},
-        "labels": {**scene["labels"], name: spelled(name)}, "menus": {},
+        "labels": {**scene["labels"], name: (*spelled(name), written(name), written(name))}, "menus": {},
     }  # fmt: skip
     scene["state"], _ = restored(scene, {"x0": scene["start"]})
     grown = []

@@ -99,7 +99,7 @@ class Live:
         g = field_over(model, model.multipliers[j].residual, j, t, x, mult, p, _LAM)
         arrays = {"lam": _LAM, "g": g}
         h = field_over(model, model.multipliers[j].surface, j, t, x, mult, p, _LAM[:1])
-        header = {"kind": "layer", "switch": name, "t": t, "now": mult[j], "roots": _roots(g), "h": float(h[0]), "pink": ""}
+        header = {"kind": "layer", "switch": name, "t": t, "now": [mult[j], float(np.interp(mult[j], _LAM, g))], "roots": _roots(g), "h": float(h[0]), "pink": ""}
         if "box" in asked:
             pair = tuple(str(n) for n in checks.several(asked.get("phase", ()), "`phase`"))
             header |= {"plane": pair, "sliding": _sliding(solution, t, x, mult, pair, asked["box"])}

@@ -59,8 +59,10 @@ class _Progress:
         finished = self.done >= self.of
         rest = "" if finished or not self.said else f" {self.done} of {self.of} columns."
         hint = " Click: orbit there; drag: zoom." if self.said else ""
-        return {"done": self.done, "of": self.of, "cpu": time.process_time() - self.begun,
-                "finished": finished, "said": self.said + rest + hint}  # fmt: skip
+        cpu = time.process_time() - self.begun
+        left = cpu / self.done * (self.of - self.done) if cpu > 1 and self.done else 0.0
+        return {"done": self.done, "of": self.of, "cpu": cpu, "rest": left, "finished": finished,
+                "said": self.said + rest + hint}  # fmt: skip
 
 
 def _returns(strobes: Mapping[str, Any]) -> str:
@@ -231,6 +233,7 @@ def noise(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
     names = [str(n) for n in checks.several(asked.get("names", ()), "`names`")]
     seed = checks.exact_integer(asked.get("seed", 0), "`seed`")
     times, progress = _instants(subject.noise, span), _Progress(_PATHS)
+    total = np.zeros((len(names), len(times)))
     for k in range(_PATHS):
         run = subject.scene.solve(
             span, x0, parameters=p, noise=replace(subject.noise, seed=seed, trajectory=k), t_eval=times,
@@ -238,9 +241,10 @@ def noise(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
         )  # fmt: skip
         values = np.full((len(names), len(times)), np.nan)
         values[:, : len(run.t)] = [run[n] for n in names]
+        total += values
         told = {"kind": "noise", "names": names, "seed": seed} | progress.told(1)
         paths = f"{k + 1} paths of {str(subject.noise).partition(', seed')[0]}"
-        yield told | {"said": f"{paths}, and their mean; blue: without noise."}, {"t": times, "values": values}
+        yield told | {"said": f"{paths}, and their mean; blue: without noise."}, {"t": times, "values": values, "mean": total / (k + 1)}
 
 
 def _instants(noise: Any, span: tuple[float, float]) -> np.ndarray:

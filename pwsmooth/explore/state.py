@@ -36,7 +36,7 @@ def first_state(known: Mapping[str, Any], model: Mapping[str, Any]) -> dict[str,
 def restored(known: Mapping[str, Any], asked: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """The state with what of `asked` this subject knows, and the names of the rest."""
     state = first_state(known, {k: asked[k] for k in ("view", "law", "values") if k in asked})
-    left = [key for key in asked if key not in state and key not in ("kind", "quiet")]
+    left = [key for key in asked if key not in state and key not in ("kind", "turned")]
     for group in ("p", "x0"):
         given = asked.get(group) if isinstance(asked.get(group), dict) else {}
         taken = {n: v for n, v in given.items() if n in state[group] and _is_number(v)}

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ..definition import checks
 from .describe import LIMITS, describe
 from .frames import pack
 from .state import first_state, restored
@@ -69,8 +70,11 @@ def _opened(subject: Subject, asked: Mapping[str, Any], pipe: Any, told: str = "
     known = describe(subject, current.solution, asked.get("view"))
     own = first_state(known, {})
     known["own"] = {key: own[key] for key in ("p", "x0", "t_span")}
+    if asked.get("turned") == "law":  # what moves is the same, what is of the law begins anew
+        x0 = checks.mapping(asked.get("x0", {}), "`x0`")
+        asked = {**asked, "x0": {n: v for n, v in x0.items() if n in subject.moving}}
     known["state"], left = restored(known, asked)
-    if left and not asked.get("quiet"):
+    if left and not asked.get("turned"):
         told = f"Not of this system, and left out: {', '.join(left)}."
     pipe.send_bytes(pack({"kind": "scene", **known, "told": told}))
     return current
@@ -118,7 +122,7 @@ class _Jobs:
 
     def hear(self, message: dict[str, Any]) -> None:
         """Begin what is asked for, in the place of what ran of its kind."""
-        from .code import figure
+        from .code import TYPES, figure
         from .maps import JOBS
         from .presets import as_asked
 
@@ -130,9 +134,9 @@ class _Jobs:
             elif kind == "view":
                 self.subject = as_asked(self.own, message)
             elif kind == "figure":
-                picture = np.frombuffer(figure(self.subject, message), np.uint8)
+                ending, picture = message.get("format", "png"), np.frombuffer(figure(self.subject, message), np.uint8)
                 self.pipe.send_bytes(
-                    pack({"kind": kind, "format": message.get("format", "png")}, {"file": picture})
+                    pack({"kind": kind, "name": f"explore.{ending}", "type": TYPES[ending]}, {"file": picture})
                 )
             elif kind in JOBS:
                 self.end(kind)

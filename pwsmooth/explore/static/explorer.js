@@ -1,5 +1,5 @@
 // The page: one state, which every view reads and every gesture writes; newest wins, one request in flight, one waiting.
-import { clamp, mixed, plain } from "./plot.js";
+import { clamp, mixed, nearest, plain } from "./plot.js";
 import { VIEWS, button, choice, element, number } from "./views.js";
 
 const TONES = ["paper", "ink", "muted", "grid", "axis", "ghost", "curve", "bad", "brush"]; // of the style sheet
@@ -7,7 +7,6 @@ const KEYS = {
   Space: "play or pause", ", .": "to the event before, after", d: "orbit diagram", b: "basins", Esc: "stop a computation",
   "Ctrl Z": "back", arrows: "in the phase plane: move the start; with Shift ten times", "?": "this list",
 };
-const TYPES = { png: "image/png", pdf: "application/pdf", svg: "image/svg+xml" };
 const ARRAYS = { f: Float32Array, b: Uint8Array, c: Int8Array, i: Int32Array, h: Uint16Array };
 
 // A frame: uint32 length, JSON header, arrays padded to 4.
@@ -34,11 +33,13 @@ class App {
   views = [];
   ghosts = [];
   past = [];
+  timers = {};
   orbit = null;
   inFlight = null;
   seq = 0;
   drawnSeq = 0;
   job = 0;
+  layerAt = 0;
   sentence = "";
   stats = { sent: 0, drawn: 0 };
   constructor(root, transport) {
@@ -140,7 +141,7 @@ class App {
       this.inFlight = null;
       this.kept = this.state;
       this.tell(why, true);
-    } else if (kind === "figure") this.file(header.format, arrays.file);
+    } else if (kind === "figure") this.file(header, arrays.file);
     else if (kind === "code") this.tellCode("As code", header.text);
     else if (kind === "layer") {
       this.layer = { header, ...arrays };
@@ -184,12 +185,16 @@ class App {
     this.drawnAt = performance.now();
     this.numbers();
     this.askLayer();
-    clearTimeout(this.rest);
-    this.rest = setTimeout(() => {
+    this.later("rest", 400, () => {
       this.transport.send({ kind: "sentence" });
       this.of("diagram")?.draw();
       this.moved();
-    }, 400);
+    });
+  }
+  // Acts so many ms later, unless it is told anew meanwhile.
+  later(what, ms, act) {
+    clearTimeout(this.timers[what]);
+    this.timers[what] = setTimeout(act, ms);
   }
   drawAll() {
     for (const v of this.views) v.draw();
@@ -211,7 +216,7 @@ class App {
     this.state = this.kept || scene.state;
     this.kept = null;
     this.ghosts = [];
-    this.locked = !!(scene.alone || scene.read_only); // what the page looks at, and does not change
+    this.locked = scene.locked; // what the page looks at, and does not change
     document.title = `${scene.title} · pwsmooth explore`;
     this.heading.textContent = (scene.title[0].toUpperCase() + scene.title.slice(1)).replace(/, /g, " · ");
     this.sub.textContent = this.sub.title = scene.note;
@@ -231,18 +236,12 @@ class App {
     for (const v of this.views) v.build();
     this.arrange();
   }
-  get names() {
-    return [...this.scene.states, ...this.scene.multipliers, ...this.scene.outputs];
-  }
+  // A name as it is written, and with its unit.
   written(name) {
-    return (this.scene.labels[name] || [name]).filter(Boolean).join("_");
+    return this.scene.labels[name]?.[2] ?? name;
   }
   unit(name) {
-    const unit = this.scene.units[name];
-    return this.written(name) + (unit ? ` (${unit})` : "");
-  }
-  named(names) {
-    return names.map((n) => [n, this.written(n)]);
+    return this.scene.labels[name]?.[3] ?? name;
   }
 
   // ---- sliders
@@ -258,7 +257,7 @@ class App {
     };
     const go = (asked, from) => {
       if (!Number.isFinite(asked)) return;
-      const v = grid ? grid.reduce((best, g) => (Math.abs(g - asked) < Math.abs(best - asked) ? g : best)) : asked;
+      const v = grid ? nearest(grid, asked) : asked;
       this.remember();
       this.state[group][name] = v;
       set(v, from);
@@ -280,9 +279,8 @@ class App {
     });
     const said = element("p.why", { id: `${id}-w`, hidden: true }), [head, sub] = this.scene.labels[name];
     const label = element("label", { htmlFor: id, title: meaning }, element("i", head));
-    const tail = (c.unit && ` ${c.unit}`) + (c.each ? ` each of ${c.each}` : "");
     if (sub) label.append(element("sub", sub));
-    if (tail) label.append(element("span.unit", tail));
+    if (c.tail) label.append(element("span.unit", ` ${c.tail}`));
     const row = element("div.slider", label, field, line, said);
     if (own) {
       const reach = (r) => {
@@ -320,7 +318,7 @@ class App {
       element("h2", "Parameters"), ...rows, element("h2", "Start"), ...starts, menu("Span", this.spanned), ...menus,
       element("div.actions", button("Reset", () => this.reset())), details("Numbers", this.table),
     );
-    this.sliders.inert = !!scene.read_only;
+    this.sliders.inert = scene.read_only;
     this.last(this.fields[scene.map.parameter]?.row || rows[0] || starts[0]);
   }
   // A law or view by its name, or a number or word that shapes the law: the model is made again.
@@ -341,9 +339,7 @@ class App {
   // Another view or law of the system; what both know keeps its value.
   turn(part) {
     if (this.locked) return;
-    const { p, x0, ...rest } = this.state, { law } = this.scene;
-    const kept = Object.entries(x0).filter(([n]) => !part.law || law.moving.includes(n));
-    this.transport.send({ ...rest, p, x0: Object.fromEntries(kept), ...part, kind: "view", quiet: true });
+    this.transport.send({ ...this.state, ...part, kind: "view", turned: "law" in part ? "law" : "view" });
     this.tell("Deriving, compiling ...", false, true);
   }
   reset() {
@@ -392,7 +388,7 @@ class App {
     for (const name of ["top", "small", "maps"]) this.main.dataset[name] = shown.filter((v) => v.row === name).length;
     for (const v of this.views)
       if (v.id && !v.box.isConnected) {
-        this.halt(v);
+        v.halt();
         v.job = null;
       }
     this.drawAll();
@@ -405,10 +401,8 @@ class App {
     if (!sections.length || this.locked) return [];
     const choose = (v) => {
       const [n, d] = v.split(" ");
-      this.remember();
-      this.state.section = n ? [n, +d] : null;
+      this.set({ section: [n, +d] });
       this.build();
-      this.ask();
     };
     return choice("section", [["", "choose a section"], ...sections], "", choose);
   }
@@ -496,15 +490,14 @@ class App {
     this.state.p[name] = value;
     this.begin(x0);
     this.tell(`Start from the diagram, at ${this.written(name)} = ${plain(value)}. Back restores the old one.`);
-    clearTimeout(this.gone);
-    this.gone = setTimeout(() => this.tell(""), 5000);
+    this.later("gone", 5000, () => this.tell(""));
   }
 
   // ---- requests
   ask() {
     if (!this.state || this.lost) return;
     const { scene } = this, s = structuredClone(this.state), noise = scene.noise ? [s.noise.name] : [];
-    const names = new Set([...s.names, ...s.phase, ...scene.characteristic, ...(this.mapped ? s.basins.axes : []), ...noise]);
+    const names = new Set([...s.names, ...s.phase, ...scene.characteristic, ...(scene.map.ok ? s.basins.axes : []), ...noise]);
     this.waiting = { ...s, kind: "orbit", names: [...names] };
     this.note();
     if (this.inFlight === null) this.send();
@@ -520,19 +513,14 @@ class App {
   askLayer() {
     const plane = this.of("phase"), axes = plane ? [plane.plot.x, plane.plot.y] : [];
     if (!this.scene.switches.length || !(plane || this.of("layer"))) return;
-    clearTimeout(this.layerLater);
-    const go = () => {
+    this.later("layer", 33 - (performance.now() - this.layerAt), () => {
       const { switch: name, cursor, phase } = this.state;
       this.layerAt = performance.now();
       this.transport.send({ kind: "layer", switch: name, t: cursor, phase, box: axes.map((a) => [a.low, a.high]) });
-    };
-    const wait = 33 - (performance.now() - (this.layerAt || 0));
-    if (wait <= 0) go();
-    else this.layerLater = setTimeout(go, wait);
+    });
   }
   note() {
-    clearTimeout(this.noted);
-    this.noted = setTimeout(() => this.transport.keep?.(this.hash()), 300);
+    this.later("note", 300, () => this.transport.keep?.(this.hash()));
   }
   // The state for a link: base64url of its JSON.
   hash() {
@@ -540,19 +528,6 @@ class App {
     return btoa(String.fromCharCode(...bytes)).replace(/\+/g, "-").replace(/\//g, "_").replace(/=+$/, "");
   }
 
-  // Maps: each view has a job of its own; a newer one takes its place.
-  begun(view) {
-    view.id = ++this.job;
-    this.transport.send({ ...this.state, ...view.asked(), kind: view.key, job: view.id });
-  }
-  halt(only = null) {
-    for (const v of this.views) {
-      if (!v.id || (only && v !== only)) continue;
-      this.transport.send({ kind: "stop", what: v.key });
-      v.id = 0;
-      v.bar.hidden = true;
-    }
-  }
   // The state has come to rest: maps that are live follow it.
   moved(anew = false) {
     if (!this.orbit || this.lost) return;
@@ -594,13 +569,14 @@ class App {
     return ys ? mix(ys, this.place(t, this.orbit.t)) : NaN;
   }
   // Of a multiplier, at all points; null where it has none.
-  status({ raw, t: { length: m } }, name = this.state.switch) {
-    const j = Math.max(0, this.scene.multipliers.indexOf(name));
+  status(name) {
+    const { raw, t } = this.orbit, m = t.length, j = Math.max(0, this.scene.multipliers.indexOf(name));
     return (j + 1) * m <= raw.length ? raw.subarray(j * m, (j + 1) * m) : null;
   }
-  statusAt(name, t) {
-    const { orbit } = this, rows = this.scene.multipliers.includes(name) && this.status(orbit, name);
-    return rows ? rows[Math.min(this.before(t), orbit.t.length - 1)] : null;
+  // At the cursor.
+  statusOf(name) {
+    const rows = this.scene.multipliers.includes(name) && this.status(name);
+    return rows ? rows[Math.min(this.before(this.state.cursor), rows.length - 1)] : null;
   }
   strobed(name) {
     const h = this.orbit?.header, found = [];
@@ -642,7 +618,7 @@ class App {
       " ": () => this.play(), ",": () => this.event(-1), ".": () => this.event(1),
       d: () => this.go("diagram"), b: () => this.go("basins"), "?": () => this.help(),
     };
-    if (key === "Escape" && !open) return this.halt();
+    if (key === "Escape" && !open) return this.views.forEach((v) => v.halt?.());
     if (meta && key === "z" && !text) this.back();
     else {
       if (meta || e.altKey || open || (text && target.type !== "range") || !acts[key]) return;
@@ -689,8 +665,8 @@ class App {
     };
     this.openDialog("Save figure", this.pick(draw, ["PNG", "PDF", "SVG"]), this.saving);
   }
-  file(format, bytes) {
-    const href = URL.createObjectURL(new Blob([bytes], { type: TYPES[format] })), name = `explore.${format}`;
+  file({ type, name }, bytes) {
+    const href = URL.createObjectURL(new Blob([bytes], { type }));
     const a = element("a", { href, download: name }, name);
     this.saving?.replaceChildren("Saved: ", a);
     a.click();

@@ -21,6 +21,7 @@ export function mixed(colour, other, part) {
   return `#${rgb(colour).map((v, k) => Math.round(v + (b[k] - v) * part).toString(16).padStart(2, "0")).join("")}`;
 }
 export const clamp = (v, least, most) => Math.min(Math.max(v, least), most);
+export const nearest = (list, v) => list.reduce((a, b) => (Math.abs(b - v) < Math.abs(a - v) ? b : a));
 // What lies beyond the canvas by far is cut to just outside: some browsers draw nothing else.
 const near = (v) => clamp(v, -1e4, 1e4);
 // [least, largest] of some values.

@@ -1,5 +1,5 @@
 // The views: what each draws of the state, and what a gesture on it changes. All read `app`, whose methods write the state.
-import { Plot, clamp, gestures, hull, mixed, range, rgb, shown } from "./plot.js";
+import { Plot, clamp, gestures, hull, mixed, nearest, range, rgb, shown } from "./plot.js";
 
 const short = (v) => shown(v, Math.abs(v) || 1);
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
@@ -25,6 +25,14 @@ export const choice = (label, options, value, change) =>
     options.map(([v, text]) => element("option", { value: v, selected: v === value }, text)),
   );
 
+// A bitmap, whose pixels `fill` writes.
+function raster(width, height, fill) {
+  const made = element("canvas", { width, height }), image = new ImageData(width, height);
+  fill(new Uint32Array(image.data.buffer));
+  made.getContext("2d").putImageData(image, 0, 0);
+  return made;
+}
+
 class View {
   row = "small"; // of the page, in which it stands
   constructor(app, key, title) {
@@ -43,7 +51,6 @@ class View {
     return this.app.theme;
   }
   fill() {}
-  more() {}
   scale() {}
   after() {}
   gestures() {
@@ -58,15 +65,14 @@ class View {
     const head = element("figcaption", this.heading, this.tools);
     this.box = element(`figure.${this.key}.${this.row}`, head, this.stage, this.note);
     this.plot = new Plot(this.canvas);
-    this.fill(this.app);
+    const on = this.gestures();
+    if (on) gestures(this.plot, on);
     for (const [label, key, options] of this.scene.menus[this.key] || []) {
       const value = key.reduce((part, k) => part[k], this.state);
       this.tools.append(choice(label, options, value, (v) => this.chosen(key.at(-1), v, this.app)));
     }
-    this.more(this.app);
-    const on = this.gestures();
-    if (on) gestures(this.plot, on);
-    if (on?.zoom) this.tools.append(button("Fit", () => this.fit(), { title: "All of it, at the best scale" }));
+    this.fill(this.app);
+    if (on) this.tools.append(button("Fit", () => this.fit(), { title: "All of it, at the best scale" }));
   }
   // `step` by an arrow key, tenfold with Shift, tells false where it does nothing.
   keyed(e) {
@@ -95,6 +101,17 @@ class View {
     if (this.note.textContent !== text) this.note.textContent = text;
     this.canvas.setAttribute("aria-label", `${this.title}: ${y.label} over ${x.label}. ${more}`);
   }
+  // Axes for these curves.
+  spread({ x, y }, [xs, ys], margin) {
+    if (!xs || !ys) return;
+    x.margin = margin;
+    x.cover(range(xs));
+    y.cover(range(ys));
+  }
+  // Where an orbit begins.
+  ring(plot) {
+    plot.dot(...this.pair.map((n) => this.state.x0[n]), this.theme.ink, 6, true);
+  }
   // A place in the plane of two states.
   at(x, y) {
     return { [this.pair[0]]: x, [this.pair[1]]: y };
@@ -112,11 +129,8 @@ class View {
 class Time extends View {
   row = "top";
   fill() {
-    const line = (value) => {
-      const box = element("input", { type: "checkbox", value, onchange: () => this.chosen() });
-      return element("label", box, ` ${this.app.written(value)}`);
-    };
-    const lines = this.app.names.slice(0, 40).map(line);
+    const onchange = () => this.chosen(), box = (value) => element("input", { type: "checkbox", value, onchange });
+    const lines = this.scene.curves.map(([name, text]) => element("label", box(name), ` ${text}`));
     this.boxes = lines.map((label) => label.firstChild);
     this.tools.append(element("details.menu", element("summary", "Curves"), element("div", lines)));
     this.cures = this.box.appendChild(element("p.actions"));
@@ -200,12 +214,8 @@ class Characteristic extends View {
   get curves() {
     return this.pair.map((n) => this.orbit?.values.get(n));
   }
-  scale({ x, y }) {
-    const [xs, ys] = this.curves;
-    if (!xs || !ys) return;
-    x.margin = 0.06;
-    x.cover(range(xs));
-    y.cover(range(ys));
+  scale(plot) {
+    this.spread(plot, this.curves, 0.06);
   }
   below() {}
   paint(plot, app) {
@@ -214,10 +224,10 @@ class Characteristic extends View {
     this.below(plot);
     const ghosts = app.ghosts.map((ghost) => pair.map((n) => ghost.get(n)));
     for (const [xs, ys] of ghosts) if (xs && ys) plot.curve(xs, ys, theme.ghost, 1);
-    const status = app.status(orbit);
+    const status = app.status(this.state.switch);
     if (status) plot.phases(xs, ys, status, app.phases);
     else plot.curve(xs, ys, theme.curve);
-    if (this.free) plot.dot(...pair.map((n) => this.state.x0[n]), theme.ink, 6, true);
+    if (this.free) this.ring(plot);
     if (orbit.header.stopped !== null) plot.dot(xs.at(-1), ys.at(-1), theme.bad, 5);
     plot.dot(...pair.map((n) => app.value(n, this.state.cursor)), theme.ink, 4.5);
   }
@@ -307,7 +317,7 @@ class Layer extends View {
     for (const side of [-1, 1]) plot.vertical(side, theme.axis, [3, 3]);
     if (slaved) curve(slaved, slaved_roots, fast, 2, fast);
     curve(g, roots, theme.curve, 1.8, app.phases[0]);
-    plot.dot(now, g[Math.round(((now + 1) / 2) * (g.length - 1))] ?? 0, theme.ink, 4.5);
+    plot.dot(...now, theme.ink, 4.5);
   }
   after({ layer }) {
     if (!layer) return;
@@ -329,8 +339,6 @@ class Grown extends View {
     this.stage.append(this.bar);
     this.tools.hidden = !!this.scene.alone;
     this.live = element("input", { type: "checkbox", checked: this.key !== "basins", onchange: () => app.moved() });
-  }
-  more() {
     const anew = { title: "Compute", "aria-label": `compute: ${this.title}` };
     this.tools.append(
       element("label", { title: "Computed anew when a parameter has rested" }, this.live, " live"),
@@ -354,8 +362,15 @@ class Grown extends View {
     this.progress(0);
     this.next = { of: this.depends(), p: { ...this.state.p }, header: null };
     this.job ||= this.next;
-    this.app.begun(this);
+    this.id = ++this.app.job; // a newer one takes its place
+    this.app.transport.send({ ...this.state, ...this.asked(), kind: this.key, job: this.id });
     this.draw();
+  }
+  halt() {
+    if (!this.id) return;
+    this.app.transport.send({ kind: "stop", what: this.key });
+    this.id = 0;
+    this.progress(1);
   }
   progress(share) {
     this.bar.hidden = share >= 1;
@@ -373,10 +388,9 @@ class Grown extends View {
     this.take(arrays, header);
     this.app.redraw(this);
     // What nobody asked for must not take minutes.
-    const rest = header.cpu > 1 ? (header.cpu / header.done) * (header.of - header.done) : 0;
-    if (this.auto && rest > 60) {
-      this.app.halt(this);
-      this.halted = `↻ computes all of it, in ${Math.ceil(rest / 60)} minutes or so. `;
+    if (this.auto && header.rest > 60) {
+      this.halt();
+      this.halted = `↻ computes all of it, in ${Math.ceil(header.rest / 60)} minutes or so. `;
       this.app.moved();
     }
   }
@@ -470,8 +484,8 @@ class Diagram extends Grown {
     const h = this.job?.header, { app } = this;
     if (!h || !this.columns.size) return;
     if (this.scene.alone) return app.choose(h.parameter, x);
-    const off = (column) => Math.abs(this.value(column, h) - x);
-    const best = [...this.columns.keys()].reduce((a, b) => (off(b) < off(a) ? b : a)), { last } = this.columns.get(best);
+    const [low, high] = h.range, best = nearest([...this.columns.keys()], ((x - low) / (high - low)) * (h.columns - 1));
+    const { last } = this.columns.get(best);
     const start = h.names.map((n, k) => [n, last[k]]).filter(([n, v]) => isFinite(v) && this.scene.states.includes(n));
     this.picked = true;
     app.fromDiagram(h.parameter, this.value(best, h), Object.fromEntries(start));
@@ -495,19 +509,18 @@ class Diagram extends Grown {
   dots(plot, h) {
     const { ratio } = plot, [w, t] = plot.inner.map((v) => Math.max(1, Math.round(v * ratio)));
     const n = h.names.length, j = h.names.indexOf(this.state.diagram.y), wide = Math.max(2, Math.round(1.5 * ratio));
-    const image = new ImageData(w, t), pixels = new Uint32Array(image.data.buffer);
     const colour = pixel(this.old ? this.theme.ghost : this.theme.curve, 208);
     const sx = w / (plot.x.high - plot.x.low), sy = t / (plot.y.high - plot.y.low);
-    for (const [column, { points }] of this.columns) {
-      const x = Math.round((this.value(column, h) - plot.x.low) * sx - wide / 2);
-      for (let k = j; k < points.length; k += n) {
-        const y = Math.round((plot.y.high - points[k]) * sy - wide / 2);
-        if (!(y >= 0 && y < t)) continue;
-        for (let r = y; r < Math.min(t, y + wide); r++) pixels.fill(colour, r * w + clamp(x, 0, w), r * w + clamp(x + wide, 0, w));
+    const drawn = raster(w, t, (pixels) => {
+      for (const [column, { points }] of this.columns) {
+        const x = Math.round((this.value(column, h) - plot.x.low) * sx - wide / 2), ends = [x, x + wide].map((v) => clamp(v, 0, w));
+        for (let k = j; k < points.length; k += n) {
+          const y = Math.round((plot.y.high - points[k]) * sy - wide / 2);
+          if (!(y >= 0 && y < t)) continue;
+          for (let r = y; r < Math.min(t, y + wide); r++) pixels.fill(colour, r * w + ends[0], r * w + ends[1]);
+        }
       }
-    }
-    const drawn = element("canvas", { width: w, height: t });
-    drawn.getContext("2d").putImageData(image, 0, 0);
+    });
     plot.ctx.drawImage(drawn, plot.left, plot.top, ...plot.inner);
   }
 }
@@ -537,10 +550,7 @@ class Basins extends Grown {
   }
   // A start stands for the square beyond it until there are finer ones; `known` marks those that were computed.
   take({ cell = [], label, step }, { cells: n }) {
-    if (!this.shade) {
-      [this.shade, this.known, this.side] = [0, 0, 255].map((v) => new Uint8Array(n * n).fill(v));
-      this.bitmap = element("canvas", { width: n, height: n });
-    }
+    if (!this.shade) [this.shade, this.known, this.side] = [0, 0, 255].map((v) => new Uint8Array(n * n).fill(v));
     cell.forEach((c, k) => {
       const s = step[k] || 1, row = Math.floor(c / n), column = c % n;
       this.known[c] = 1;
@@ -556,15 +566,13 @@ class Basins extends Grown {
   tint() {
     const { app, theme, shade } = this, n = this.job?.header?.cells, colours = this.scene.colours.basins;
     if (!n || !shade) return;
-    const image = new ImageData(n, n), pixels = new Uint32Array(image.data.buffer), mark = pixel("#808080");
-    const kinds = [theme.paper, theme.paper, theme.ghost, ...colours.map((c) => app.tone(c))];
+    const kinds = [theme.paper, theme.paper, theme.ghost, ...colours.map((c) => app.tone(c))], mark = pixel("#808080");
     const [foreseen, sure] = [153, 255].map((alpha) => kinds.map((c, k) => (k ? pixel(c, alpha) : 0)));
-    shade.forEach((s, at) => {
-      const row = Math.floor(at / n), column = at % n, failed = s === 1 && row % 6 === 3 && column % 6 === 3;
-      const kind = s < 3 ? s : 3 + ((s - 3) % colours.length);
-      pixels[(n - 1 - row) * n + column] = failed ? mark : (this.known[at] ? sure : foreseen)[kind];
-    });
-    this.bitmap.getContext("2d").putImageData(image, 0, 0);
+    const colour = (s, at) => {
+      const failed = s === 1 && Math.floor(at / n) % 6 === 3 && (at % n) % 6 === 3;
+      return failed ? mark : (this.known[at] ? sure : foreseen)[s < 3 ? s : 3 + ((s - 3) % colours.length)];
+    };
+    this.bitmap = raster(n, n, (pixels) => shade.forEach((s, at) => (pixels[at + n * (n - 1 - 2 * Math.floor(at / n))] = colour(s, at))));
   }
   gestures() {
     const { app } = this, { x: across, y: up } = this.plot;
@@ -572,8 +580,7 @@ class Basins extends Grown {
     const zoomed = () => app.setMap("basins", { ranges: [across, up].map((axis) => [axis.low, axis.high]) });
     const zoom = (...by) => {
       this.zooming(...by);
-      clearTimeout(this.later);
-      this.later = setTimeout(zoomed, 500);
+      app.later("zoom", 500, zoomed);
     };
     return { press: go, move: go, zoom };
   }
@@ -601,7 +608,7 @@ class Basins extends Grown {
     const [xs, ys] = pair.map((n) => app.strobed(n));
     plot.path(xs.map((x, k) => [plot.px(x), plot.py(ys[k])]), muted, 0.7);
     xs.forEach((x, k) => plot.dot(x, ys[k], ink, 2.2));
-    plot.dot(...pair.map((n) => this.state.x0[n]), ink, 6, true);
+    this.ring(plot);
   }
   after(app) {
     if (this.job) super.after(app);
@@ -631,11 +638,9 @@ class Section extends Grown {
     const names = this.job?.header?.names || [], j = names.indexOf(name);
     return this.points.flatMap((some) => [...some].filter((_, k) => k % names.length === j));
   }
-  scale({ x, y }) {
-    x.margin = 0.08;
+  scale(plot) {
     this.rows = this.pair.map((n) => this.series(n));
-    x.cover(range(this.rows[0]));
-    y.cover(range(this.rows[1]));
+    this.spread(plot, this.rows, 0.08);
   }
   paint(plot) {
     const [xs, ys] = this.rows;
@@ -657,11 +662,11 @@ class Noise extends Grown {
   chosen(key, name, app) {
     app.setMap("noise", { name });
   }
-  more(app) {
+  fill(app) {
     const { seed } = this.state.noise, oninput = (e) => app.setMap("noise", { seed: +e.target.value });
     const line = element("input", { type: "range", min: 0, max: 99, value: seed, "aria-label": "seed", oninput });
     this.tools.append(element("label", "seed ", line));
-    super.more();
+    super.fill(app);
   }
   depends() {
     const { t_span, noise } = this.state;
@@ -676,8 +681,8 @@ class Noise extends Grown {
     this.paths = [];
     this.refresh();
   }
-  take({ t, values }) {
-    this.times = t;
+  take({ t, values, mean }) {
+    Object.assign(this, { times: t, mean });
     this.paths.push(values);
   }
   scale({ x, y }) {
@@ -688,83 +693,88 @@ class Noise extends Grown {
     const { theme, orbit, paths } = this, free = orbit?.values.get(this.state.noise.name);
     for (const path of paths) plot.curve(this.times, path, theme.ghost, 1);
     if (free) plot.curve(orbit.t, free, app.phases[1], 1.4);
-    if (!paths.length) return;
-    const mean = paths[0].map((_, k) => paths.reduce((sum, path) => sum + path[k], 0) / paths.length);
-    plot.curve(this.times, mean, theme.curve, 1.8);
+    if (paths.length) plot.curve(this.times, this.mean, theme.curve, 1.8);
   }
 }
 
 // The mechanism at the cursor: shapes whose places are rows of the pose.
 class Mechanism extends View {
   row = "top";
-  fill() {
+  fill(app) {
     const tool = (text, title, act) => button(text, act, { title, "aria-label": title });
-    this.toggle = tool("▶", "play or pause", () => this.app.play());
-    this.tools.append(
-      tool("◂", "event before", () => this.app.event(-1)), this.toggle, tool("▸", "next event", () => this.app.event(1)),
-    );
+    this.toggle = tool("▶", "play or pause", () => app.play());
+    this.tools.append(tool("◂", "event before", () => app.event(-1)), this.toggle, tool("▸", "next event", () => app.event(1)));
+    Object.assign(this.plot, { left: 0, right: 0, top: 0, bottom: 0 });
   }
   gestures() {}
   draw() {
-    const { app, plot, orbit, theme } = this, { shapes, note } = this.scene.sketch, { cursor } = this.state;
+    const { app, plot, orbit, theme } = this, { shapes, note } = this.scene.sketch, { cursor } = this.state, { x, y, ctx } = plot;
     if (!orbit?.pose || !this.box.isConnected || !plot.measure()) return;
-    // The room that the motion needs does not shrink.
+    // The room that the motion needs does not shrink; one scale for both axes.
     this.reach = orbit.header.reach.map((v, k) => (k % 2 ? Math.max : Math.min)(v, this.reach?.[k] ?? v));
-    const { width, height } = plot, [l, r, b, u] = this.reach, k = Math.min(width / (r - l), height / (u - b));
-    const X = (x) => width / 2 + (x - (l + r) / 2) * k, Y = (y) => height / 2 - (y - (b + u) / 2) * k;
+    const [l, r, b, u] = this.reach, k = Math.min(plot.width / (r - l), plot.height / (u - b));
+    const fit = (axis, middle) => axis.settle([-1, 1].map((side) => middle + (side * Math.abs(axis.size)) / k / 2));
+    fit(x, (l + r) / 2);
+    fit(y, (b + u) / 2);
     const at = orbit.poseAt(cursor), tint = (part) => mixed(theme.paper, theme.ink, part);
-    this.tones = { fill: tint(theme.dark ? 0.3 : 0.12), steel: tint(0.55) };
+    this.tones = { fill: tint(theme.dark ? 0.3 : 0.12), steel: tint(0.55), force: app.tone(this.scene.colours.fast) };
     plot.clear();
     let row = 0;
     for (const s of shapes) {
-      const p = Object.fromEntries(s.places.map((name) => [name, at(row++)]));
-      if ("x_1" in p) this.long(s, X(p.x_1), Y(p.y_1), X(p.x_2), Y(p.y_2), k, p.travel);
-      else if ("dx" in p) this.long(s, X(p.x), Y(p.y), X(p.x + p.dx), Y(p.y + p.dy), k);
-      else this.body(s, X(p.x), Y(p.y), p.angle || 0, k);
+      // Each is drawn in its own frame: from its place, along the line to its other end, or as it is turned.
+      const p = Object.fromEntries(s.places.map((name) => [name, at(row++)])), { x_1 = p.x, y_1 = p.y } = p;
+      const { x_2 = x_1 + p.dx, y_2 = y_1 + p.dy } = p, dx = x.px(x_2) - x.px(x_1), dy = y.px(y_2) - y.px(y_1);
+      ctx.save();
+      ctx.translate(x.px(x_1), y.px(y_1));
+      ctx.rotate(dx === dx ? Math.atan2(dy, dx) : -(p.angle || 0));
+      this.shape(s, k, Math.hypot(dx, dy) || 1, p.travel);
+      ctx.restore();
     }
     this.toggle.textContent = app.clock ? "❚❚" : "▶";
     this.note.textContent = `t = ${short(cursor)}${note ? `; ${note}` : ""}`;
   }
-  // What lies between two points: spring, bar, belt, ground, arrow.
-  long(s, x1, y1, x2, y2, k, travel) {
-    const { plot, tones, app } = this, { ink, axis } = this.theme, d = Math.hypot(x2 - x1, y2 - y1) || 1;
-    const ux = (x2 - x1) / d, uy = (y2 - y1) / d;
+  shape({ kind, width, height, radius, mark, phase }, k, d, travel) {
+    const { plot, app, theme: { ink, axis, paper }, tones: { fill, steel, force } } = this;
     // Points by how far they are along, and across; a number is one on the line.
-    const line = (points, colour, wide) => {
-      const placed = points.map((p) => [p, 0].flat()).map(([a, c]) => [x1 + ux * a - uy * c, y1 + uy * a + ux * c]);
-      plot.path(placed, colour, wide);
+    const line = (points, colour, wide) => plot.path(points.map((p) => [p, 0].flat()), colour, wide);
+    // What stands at one point is thick where its contact sticks.
+    const body = (inside, trace) => {
+      const status = app.statusOf(phase);
+      plot.shape(trace, inside, app.phases[status] || ink, status === 0 ? 3 : 1.8);
     };
-    if (s.kind === "spring") {
-      const w = Math.min((s.width * k) / 2, 14), turns = Array.from({ length: 16 }, (_, i) => [d * (0.125 + 0.05 * i), i % 2 ? w : -w]);
-      line([0, 0.08 * d, ...turns, 0.92 * d, d], tones.steel, 1.4);
-    } else if (s.kind === "bar") {
-      line([0, d], ink, Math.max(3, s.width * k));
-      line([0, d], tones.fill, Math.max(1.5, s.width * k - 2.4));
-    } else if (s.kind === "belt") {
-      const h = 12, gap = Math.max(s.mark * k, 8), first = (((travel * k) % gap) + gap) % gap;
-      plot.shape((ctx) => ctx.roundRect(Math.min(x1, x2) - h, y1, Math.abs(x2 - x1) + 2 * h, 2 * h, h), tones.fill, ink, 1.4);
-      for (let q = first; q < d; q += gap) line([q, [q, 5]], ink, 1.4);
-    } else if (s.kind === "arrow") {
-      const colour = app.tone(this.scene.colours.fast);
-      if (d < 2) return;
-      line([0, d], colour, 2);
-      line([[d - 7, 4], d, [d - 7, -4]], colour, 2);
-    } else {
-      line([0, d], ink, 1.6);
-      for (let q = 6; q < d; q += 9) line([q, [q - 6, 7]], axis);
-    }
-  }
-  // What stands at one point: block, ball, joint, clearance; thick where its contact sticks.
-  body(s, x, y, angle, k) {
-    const { plot, app, theme } = this, { ctx } = plot, status = s.phase ? app.statusAt(s.phase, this.state.cursor) : null;
-    const colour = status === null ? theme.ink : app.phases[status], [w, h] = [s.width * k, s.height * k];
-    const outline = () => (s.kind === "block" ? ctx.roundRect(-w / 2, -h / 2, w, h, 4) : ctx.arc(0, 0, Math.max(2, s.radius * k), 0, 7));
-    ctx.save();
-    ctx.translate(x, y);
-    ctx.rotate(-angle);
-    plot.shape(outline, { clearance: "", joint: theme.paper }[s.kind] ?? this.tones.fill, colour, status === 0 ? 3 : 1.8);
-    if (s.kind === "ball") plot.line(0, 0, s.radius * k, 0, colour);
-    ctx.restore();
+    const disc = (ctx) => ctx.arc(0, 0, Math.max(2, radius * k), 0, 7);
+    const kinds = {
+      spring() {
+        const w = Math.min((width * k) / 2, 14), turns = Array.from({ length: 16 }, (_, i) => [d * (0.125 + 0.05 * i), i % 2 ? w : -w]);
+        line([0, 0.08 * d, ...turns, 0.92 * d, d], steel, 1.4);
+      },
+      bar() {
+        line([0, d], ink, Math.max(3, width * k));
+        line([0, d], fill, Math.max(1.5, width * k - 2.4));
+      },
+      belt() {
+        const h = 12, gap = Math.max(mark * k, 8), first = (((travel * k) % gap) + gap) % gap;
+        plot.shape((ctx) => ctx.roundRect(-h, 0, d + 2 * h, 2 * h, h), fill, ink, 1.4);
+        for (let q = first; q < d; q += gap) line([q, [q, 5]], ink, 1.4);
+      },
+      arrow() {
+        if (d < 2) return;
+        line([0, d], force, 2);
+        line([[d - 7, 4], d, [d - 7, -4]], force, 2);
+      },
+      ground() {
+        line([0, d], ink, 1.6);
+        for (let q = 6; q < d; q += 9) line([q, [q - 6, 7]], axis);
+      },
+      block: () => body(fill, (ctx) => ctx.roundRect((-width * k) / 2, (-height * k) / 2, width * k, height * k, 4)),
+      clearance: () => body("", disc),
+      joint: () => body(paper, disc),
+      ball() {
+        body(fill, disc);
+        line([0, radius * k], app.phases[app.statusOf(phase)] || ink);
+      },
+    };
+    kinds[kind]();
   }
 }
 
