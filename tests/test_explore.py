@@ -2,6 +2,7 @@
 
 import base64
 import http.client
+import importlib.resources
 import json
 import signal
 import subprocess
@@ -15,7 +16,7 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Diffusion, Kicks, System, basins, orbit_diagram, solve
-from pwsmooth.explore import describe, export, frames, live, maps, opening, presets, processes, subject
+from pwsmooth.explore import bundle, describe, export, frames, live, maps, opening, presets, processes, subject
 from pwsmooth.explore.code import figure, script
 from pwsmooth.explore.server import PAGES, Server
 from pwsmooth.laws.friction import LuGre, MaxwellSlip, StribeckFriction
@@ -418,6 +419,15 @@ def test_a_section_repeats_where_the_orbit_does(oscillator):
 
 
 # ---- files without Python
+
+
+def test_what_is_delivered_is_the_source_without_indentation_and_lines_of_comment():
+    folder = importlib.resources.files(bundle.__package__).joinpath("static")
+    for name in ("explorer.js", "views.js", "plot.js", "main.js", "file.js", "style.css"):
+        source = folder.joinpath(name).read_text(encoding="utf-8").split("\n")
+        assert all(line.count("`") % 2 == 0 for line in source), f"a text of {name} goes over lines"
+        kept = [line.strip() for line in source if line.strip() and not line.strip().startswith("//")]
+        assert bundle.static(name).decode().split("\n")[:-1] == kept
 
 
 def test_a_file_has_a_frame_for_every_value_near_the_orbit_and_asks_nothing_of_the_network(

@@ -11,8 +11,9 @@ _PARTS = ("plot.js", "views.js", "explorer.js")
 
 
 def static(name: str) -> bytes:
-    """A file of the page."""
-    return importlib.resources.files(__package__).joinpath("static", name).read_bytes()
+    """A file of the page as it is delivered: without indentation and lines of comment, which only its readers need."""
+    text = importlib.resources.files(__package__).joinpath("static", name).read_text(encoding="utf-8")
+    return re.sub(r"^[ \t]*(?://.*)?\n|^[ \t]+", "", text, flags=re.M).encode()
 
 
 def module(narrow: int = NARROW) -> str:

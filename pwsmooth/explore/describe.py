@@ -41,8 +41,9 @@ def describe(subject: Subject, solution: Any = None, view: Any = "") -> dict[str
         [n for n in dict.fromkeys((*subject.names, *subject.phase)) if n not in (*states, *multipliers)]
     )  # fmt: skip
     units = {name: unit for name, unit in subject.units.items() if unit != "1"}
+    law = _law(subject)
     axes = {name: _reach(subject.start[name], k, solution) for k, name in enumerate(states)}
-    known = {
+    known: dict[str, Any] = {
         "title": subject.name,
         "note": subject.note,
         "view": str(system._view.title) if system._view else "",
@@ -64,10 +65,10 @@ def describe(subject: Subject, solution: Any = None, view: Any = "") -> dict[str
         "phase": list(subject.phase) or _phase(states, outputs),
         "characteristic": characteristic(model),
         "switches": switches(model),
-        "models": _models(subject, str(view or "")),
+        "models": _models(subject, law, str(view or "")),
         "map": _map(subject, states),
         "sketch": subject.sketch and {"shapes": subject.sketch.describe(), "note": subject.sketch.note},
-        "law": _law(subject),
+        "law": law,
         "noise": "" if subject.noise is None else str(subject.noise),
         "eps": subject.eps,
         "read_only": subject.read_only,
@@ -101,7 +102,11 @@ def _views(subject: Subject, known: dict[str, Any]) -> dict[str, str]:
         "basins": two, "section": plane and two, "noise": subject.noise is not None,
     }  # fmt: skip
     offered = {key: title for key, title in TITLES.items() if has[key] and key in (subject.views or TITLES)}
-    maps = {} if known["map"]["ok"] else {k: offered.pop(k) for k in ("diagram", "basins", "section") if k in offered}
+    maps = (
+        {}
+        if known["map"]["ok"]
+        else {k: offered.pop(k) for k in ("diagram", "basins", "section") if k in offered}
+    )
     known["map"]["views"] = maps if known["map"]["sections"] else {}
     known["map"]["why"] *= "diagram" in maps
     return offered
@@ -129,19 +134,23 @@ def _menus(known: dict[str, Any]) -> dict[str, list[Any]]:
     }  # fmt: skip
 
 
-def _models(subject: Subject, view: str) -> list[dict[str, Any]]:
-    """Menus for another law, what shapes it, and another view of the system: `name` is chosen, the `part` goes with it."""
-    law, found = _law(subject), []
+def _models(subject: Subject, law: dict[str, Any], view: str) -> list[dict[str, Any]]:
+    """Menus for another law, what shapes it, and another view: `name` is chosen, and `part` of the state goes with it."""
+    found = []
     if law and len(law["all"]) > 1:
-        found.append({"text": "Law", "label": "law", "name": "law", "value": law["name"],
-                      "options": [(n, n) for n in law["all"]], "part": {"values": {}, "view": ""}})  # fmt: skip
+        options = [(name, name) for name in law["all"]]
+        found.append({"text": "Law", "label": "law", "name": "law", "value": law["name"], "options": options,
+                      "part": {"values": {}, "view": ""}})  # fmt: skip
     for f in law.get("shape", ()):
+        options = [(choice, choice) for choice in f["choices"]]
         found.append({"text": written(f["name"]), "label": f["meaning"], "name": f["name"], "value": f["value"],
-                      "options": [(c, c) for c in f["choices"]], "part": {"law": law["name"]}, "shape": True})  # fmt: skip
+                      "options": options, "part": {"law": law["name"]}, "shape": True})  # fmt: skip
     if view or switches(subject.system.model):
-        layered = [("layered", "layered: fast states in the layer")] * (bool(view) or _has_hidden(subject.system))
-        found.append({"text": "View", "label": "view of the system", "name": "view", "value": view, "part": {},
-                      "options": [("", "as defined"), *layered, ("smoothed", f"smoothed, ε = {subject.eps:g}")]})  # fmt: skip
+        options = [("", "as defined"), ("smoothed", f"smoothed, ε = {subject.eps:g}")]
+        if view or _has_hidden(subject.system):
+            options.insert(1, ("layered", "layered: fast states in the layer"))
+        found.append({"text": "View", "label": "view of the system", "name": "view", "value": view,
+                      "options": options, "part": {}})  # fmt: skip
     return found
 
 

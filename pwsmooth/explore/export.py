@@ -82,7 +82,11 @@ def standalone(
             raise ValueError(f"`over` of {name} has {value:g}, which the system refuses: {header['why']}")
         keep = _thinned(arrays)
         header |= {"to": "orbit", "sentence": live.sentence()[0]["said"]}
-        kept = {"t": arrays["t"][keep], "status": arrays["status"][:, keep], "values": arrays["values"][:, keep]}
+        kept = {
+            "t": arrays["t"][keep],
+            "status": arrays["status"][:, keep],
+            "values": arrays["values"][:, keep],
+        }
         if "pose" in arrays:
             few = slice(None, None, max(1, len(arrays["pose_t"]) // _POSES))
             kept |= {"pose": arrays["pose"][:, few], "pose_t": arrays["pose_t"][few]}
@@ -108,8 +112,8 @@ def standalone(
     data = {"scene": _text(pack(scene)), "parameter": name, "values": values.tolist(), "frames": frames,
             "layers": [layers.get(k, "") for k in range(len(values))], "diagram": grown}  # fmt: skip
     text = _PAGE.format(
-        title=html.escape(subject.name), style=style(_NARROW), module=module(_NARROW), transport=static("file.js").decode(),
-        data=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
+        title=html.escape(subject.name), style=style(_NARROW), module=module(_NARROW),
+        transport=static("file.js").decode(), data=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
     )  # fmt: skip
     if len(text) > MOST:
         fits = int(len(values) * (MOST - 2e5) / len(text))

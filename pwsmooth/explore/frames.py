@@ -2,9 +2,9 @@
 
     uint32 length of the header | header, padded to 4 | array | array | ...
 
-Each array is float32, uint8, int8 or int32 (uint16 of its range in files), padded to 4 bytes; the header lists (name, type,
-shape) of all. Where the span of an array is below 1e-4 of its place float32 would not resolve it: its offset travels in
-the header then.
+Each array is float32, uint8, int8 or int32 (uint16 of its range in files), padded to 4 bytes; the header lists (name,
+type, shape) of all. Where the span of an array is below 1e-4 of its place float32 would not resolve it: its offset
+travels in the header then.
 """
 
 from __future__ import annotations
@@ -17,7 +17,13 @@ from typing import Any
 
 import numpy as np
 
-TYPES: dict[str, Any] = {"f": np.dtype("<f4"), "b": np.dtype("u1"), "c": np.dtype("i1"), "i": np.dtype("<i4"), "h": np.dtype("<u2")}
+TYPES: dict[str, Any] = {
+    "f": np.dtype("<f4"),
+    "b": np.dtype("u1"),
+    "c": np.dtype("i1"),
+    "i": np.dtype("<i4"),
+    "h": np.dtype("<u2"),
+}
 _STEPS = 65535
 _NARROW = 1e-4  # span by place, below which an offset is taken off
 

@@ -99,7 +99,15 @@ class Live:
         g = field_over(model, model.multipliers[j].residual, j, t, x, mult, p, _LAM)
         arrays = {"lam": _LAM, "g": g}
         h = field_over(model, model.multipliers[j].surface, j, t, x, mult, p, _LAM[:1])
-        header = {"kind": "layer", "switch": name, "t": t, "now": [mult[j], float(np.interp(mult[j], _LAM, g))], "roots": _roots(g), "h": float(h[0]), "pink": ""}
+        header = {
+            "kind": "layer",
+            "switch": name,
+            "t": t,
+            "now": [mult[j], float(np.interp(mult[j], _LAM, g))],
+            "roots": _roots(g),
+            "h": float(h[0]),
+            "pink": "",
+        }
         if "box" in asked:
             pair = tuple(str(n) for n in checks.several(asked.get("phase", ()), "`phase`"))
             header |= {"plane": pair, "sliding": _sliding(solution, t, x, mult, pair, asked["box"])}
@@ -207,7 +215,7 @@ def sampled(solution: Solution, names: list[str], sketch: Any = None) -> tuple[S
 
 
 def _posed(sketch: Any, solution: Solution, found: Sampled) -> Answer:
-    """Rows of the pose, those that stay as numbers, and the others at every few of the points; what they need of room."""
+    """Rows of the pose, those that stay as numbers, and the others at every few of the points; the room they need."""
     few = slice(None, None, max(1, len(found) // _POSES))
     some = replace(
         found, t=found.t[few], values=found.values[few], status=found.status[few], step=found.step[few],
@@ -228,7 +236,7 @@ def _posed(sketch: Any, solution: Solution, found: Sampled) -> Answer:
                 moving.append(row)
     left, right, low, high = (float(f(ends[axis])) for axis in "xy" for f in (min, max))
     pad = 0.06 * (right - left)
-    reach = sketch.bounds or (left - pad, right + pad, low - 2 * pad, high + 2 * pad)
+    reach = sketch.bounds or (left - pad, right + pad, low - 2 * pad, high + pad)
     header = {"pose": rows, "reach": reach}
     return header, {"pose": np.array(moving).reshape(len(moving), len(some)), "pose_t": some.t}
 

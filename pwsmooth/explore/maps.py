@@ -69,7 +69,9 @@ def _returns(strobes: Mapping[str, Any]) -> str:
     """What the points of a map are."""
     if "period" in strobes:
         return "Strobes"
-    return f"Returns to {written(strobes['section'])} = 0, {'rising' if strobes['direction'] > 0 else 'falling'}"
+    return (
+        f"Returns to {written(strobes['section'])} = 0, {'rising' if strobes['direction'] > 0 else 'falling'}"
+    )
 
 
 def diagram(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
@@ -82,7 +84,11 @@ def diagram(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
     states = [s.name for s in system.states]
     head = {"kind": "diagram", "parameter": name, "range": [low, high], "columns": count, "names": states,
             "keep": keep}  # fmt: skip
-    ways = {0: "each from the same start", 1: "carried on from left to right", -1: "carried on from right to left"}
+    ways = {
+        0: "each from the same start",
+        1: "carried on from left to right",
+        -1: "carried on from right to left",
+    }
     progress = _Progress(count, f"{_returns(strobes)}, {ways[int(np.sign(carry))]}.")
     if carry:
         for which, points in _carried(system, name, values, x0, keep, carry, options | strobes):
@@ -153,7 +159,10 @@ def section(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
         cycles = (tail[c:] - tail[:-c] for c in range(1, 9) if len(tail) == 32)
         repeats = any(bool((np.abs(off) <= _REPEATS * (1 + np.abs(tail).max(axis=0))).all()) for off in cycles)
         told["finished"] |= repeats or len(points) < size
-        what, hint = "returns" if by["section"] else "periods", "" if subject.read_only else " Click: start there."
+        what, hint = (
+            "returns" if by["section"] else "periods",
+            "" if subject.read_only else " Click: start there.",
+        )
         yield (
             told | {"repeats": repeats, "said": f"{progress.done} {what}{', repeating' * repeats}.{hint}"},
             {"points": np.concatenate([last, points]) if len(last) == 1 else points},
@@ -244,7 +253,10 @@ def noise(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
         total += values
         told = {"kind": "noise", "names": names, "seed": seed} | progress.told(1)
         paths = f"{k + 1} paths of {str(subject.noise).partition(', seed')[0]}"
-        yield told | {"said": f"{paths}, and their mean; blue: without noise."}, {"t": times, "values": values, "mean": total / (k + 1)}
+        yield (
+            told | {"said": f"{paths}, and their mean; blue: without noise."},
+            {"t": times, "values": values, "mean": total / (k + 1)},
+        )
 
 
 def _instants(noise: Any, span: tuple[float, float]) -> np.ndarray:

@@ -25,7 +25,8 @@ from .subject import Subject
 LONGEST = 16_384  # bytes of a message from a page
 PAGES = 4
 _FILES = {
-    "/": ("index.html", "text/html"), "/style.css": ("style.css", "text/css"), "/icon.svg": ("icon.svg", "image/svg+xml"),
+    "/": ("index.html", "text/html"), "/style.css": ("style.css", "text/css"),
+    "/icon.svg": ("icon.svg", "image/svg+xml"),
     **{f"/{name}": (name, "text/javascript") for name in ("main.js", "explorer.js", "views.js", "plot.js")},
 }  # fmt: skip
 _HEADERS = {
@@ -165,7 +166,9 @@ class Server:
 
         try:
             first = json.loads(await asyncio.wait_for(socket.recv(), 10))
-            token, link = (first.get(key, "") for key in ("token", "state")) if isinstance(first, dict) else ("", "")
+            token, link = (
+                (first.get(key, "") for key in ("token", "state")) if isinstance(first, dict) else ("", "")
+            )
         except (ValueError, RecursionError, TimeoutError, ConnectionClosed):
             token = link = ""
         if not (isinstance(token, str) and hmac.compare_digest(token.encode(), self.token.encode())):

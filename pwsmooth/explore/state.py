@@ -38,7 +38,7 @@ def restored(known: Mapping[str, Any], asked: Mapping[str, Any]) -> tuple[dict[s
     state = first_state(known, {k: asked[k] for k in ("view", "law", "values") if k in asked})
     left = [key for key in asked if key not in state and key not in ("kind", "turned")]
     for group in ("p", "x0"):
-        given = asked.get(group) if isinstance(asked.get(group), dict) else {}
+        given = _mapping(asked.get(group))
         taken = {n: v for n, v in given.items() if n in state[group] and _is_number(v)}
         left += [n for n in given if n not in taken]
         state[group] = {**state[group], **taken}
@@ -48,8 +48,8 @@ def restored(known: Mapping[str, Any], asked: Mapping[str, Any]) -> tuple[dict[s
                 state[key] = asked[key]
         except (KeyError, TypeError, AttributeError, IndexError):  # not given, or of another kind altogether
             continue
-    given = asked.get("ranges") if isinstance(asked.get("ranges"), dict) else {}
-    state["ranges"] = {n: r for n, r in given.items() if n in state["p"] and _is_pair(r)}
+    ranges = _mapping(asked.get("ranges"))
+    state["ranges"] = {n: r for n, r in ranges.items() if n in state["p"] and _is_pair(r)}
     return state, left
 
 
@@ -73,6 +73,10 @@ def _holding(known: Mapping[str, Any], p: Mapping[str, float]) -> dict[str, Any]
         "diagram": lambda d: d["parameter"] in p and d["y"] in states and d["carry"] in (0, 1, -1)
         and (d["range"] is None or _is_pair(d["range"])),
     }  # fmt: skip
+
+
+def _mapping(given: Any) -> Mapping[str, Any]:
+    return given if isinstance(given, dict) else {}
 
 
 def _is_number(given: Any) -> bool:

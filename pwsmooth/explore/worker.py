@@ -134,7 +134,10 @@ class _Jobs:
             elif kind == "view":
                 self.subject = as_asked(self.own, message)
             elif kind == "figure":
-                ending, picture = message.get("format", "png"), np.frombuffer(figure(self.subject, message), np.uint8)
+                ending, picture = (
+                    message.get("format", "png"),
+                    np.frombuffer(figure(self.subject, message), np.uint8),
+                )
                 self.pipe.send_bytes(
                     pack({"kind": kind, "name": f"explore.{ending}", "type": TYPES[ending]}, {"file": picture})
                 )

@@ -87,7 +87,8 @@ class App {
     this.said = element("p.said", { "aria-live": "polite" });
     this.playing = button("Play", () => this.play(), { title: "Space" });
     this.sliders = element("div.sliders");
-    this.handle = button("", () => this.pull(), { className: "handle", "aria-expanded": "false", "aria-label": "all sliders" });
+    const handle = { className: "handle", "aria-expanded": "false", "aria-label": "all sliders" };
+    this.handle = button("", () => this.pull(), handle);
     this.side = element("aside", { "aria-label": "parameters" }, this.handle, this.sliders);
     this.main = element("main");
     this.tabs = element("nav.tabs", { role: "tablist" });
@@ -309,7 +310,8 @@ class App {
     const { scene, state } = this, menu = (text, ...what) => element("div.span", element("span", text), ...what);
     this.fields = {};
     const rows = scene.controls.map((c) => this.slider(c, "p")), starts = scene.starts.map((c) => this.slider(c, "x0"));
-    this.spanned = this.ends("pair", state.t_span, ["begin of the span", "end of the span"], (t_span) => this.set({ t_span }));
+    const ends = ["begin of the span", "end of the span"];
+    this.spanned = this.ends("pair", state.t_span, ends, (t_span) => this.set({ t_span }));
     const menus = scene.models.map((m) => menu(m.text, this.model(m)));
     this.table = element("dl");
     const more = rows.splice(12);
@@ -323,7 +325,10 @@ class App {
   }
   // A law or view by its name, or a number or word that shapes the law: the model is made again.
   model({ label, name, value, options, part, shape }) {
-    const write = (v) => this.turn({ ...part, ...(shape ? { values: { ...this.state.values, [name]: v } } : { [name]: v }) });
+    const write = (v) => {
+      const chosen = { [name]: v };
+      this.turn({ ...part, ...(shape ? { values: { ...this.state.values, ...chosen } } : chosen) });
+    };
     if (options.length) return choice(label, options, value, write);
     const read = ({ target: { valueAsNumber: v } }) => Number.isFinite(v) && write(v);
     return number(label, value, read, { title: label });
@@ -377,7 +382,8 @@ class App {
     const top = row("top"), maps = this.swapped(row("maps")), tabbed = this.views.filter((v) => v.row !== "top");
     const one = tabbed.filter((v) => v.key === this.tab).concat(tabbed)[0];
     const tab = (v) => button(v.title, () => this.show(v.key), { role: "tab", "aria-selected": String(v === one) });
-    const shown = narrow ? [...top.reverse(), ...tabbed.filter((v) => v === one)] : [...top, ...row("small"), ...maps, ...row("noise")];
+    const wide = [...top, ...row("small"), ...maps, ...row("noise")];
+    const shown = narrow ? [...top.reverse(), ...tabbed.filter((v) => v === one)] : wide;
     this.tab = one?.key;
     this.tabs.replaceChildren(...tabbed.map(tab));
     this.main.replaceChildren(...shown.map((v) => v.box));
@@ -673,7 +679,8 @@ class App {
     setTimeout(() => URL.revokeObjectURL(href), 60000);
   }
   openDialog(title, ...inside) {
-    const form = element("form", { method: "dialog" }, element("h2", title), element("button", { "aria-label": "close" }, "Close"));
+    const close = element("button", { "aria-label": "close" }, "Close");
+    const form = element("form", { method: "dialog" }, element("h2", title), close);
     this.output = element("div");
     this.dialog.replaceChildren(form, ...inside, this.output);
     if (!this.dialog.open) this.dialog.showModal();

@@ -513,7 +513,8 @@ class Diagram extends Grown {
     const sx = w / (plot.x.high - plot.x.low), sy = t / (plot.y.high - plot.y.low);
     const drawn = raster(w, t, (pixels) => {
       for (const [column, { points }] of this.columns) {
-        const x = Math.round((this.value(column, h) - plot.x.low) * sx - wide / 2), ends = [x, x + wide].map((v) => clamp(v, 0, w));
+        const x = Math.round((this.value(column, h) - plot.x.low) * sx - wide / 2);
+        const ends = [x, x + wide].map((v) => clamp(v, 0, w));
         for (let k = j; k < points.length; k += n) {
           const y = Math.round((plot.y.high - points[k]) * sy - wide / 2);
           if (!(y >= 0 && y < t)) continue;
@@ -572,7 +573,9 @@ class Basins extends Grown {
       const failed = s === 1 && Math.floor(at / n) % 6 === 3 && (at % n) % 6 === 3;
       return failed ? mark : (this.known[at] ? sure : foreseen)[s < 3 ? s : 3 + ((s - 3) % colours.length)];
     };
-    this.bitmap = raster(n, n, (pixels) => shade.forEach((s, at) => (pixels[at + n * (n - 1 - 2 * Math.floor(at / n))] = colour(s, at))));
+    // Rows of a bitmap go down.
+    const place = (at) => at + n * (n - 1 - 2 * Math.floor(at / n));
+    this.bitmap = raster(n, n, (pixels) => shade.forEach((s, at) => (pixels[place(at)] = colour(s, at))));
   }
   gestures() {
     const { app } = this, { x: across, y: up } = this.plot;
@@ -703,12 +706,14 @@ class Mechanism extends View {
   fill(app) {
     const tool = (text, title, act) => button(text, act, { title, "aria-label": title });
     this.toggle = tool("▶", "play or pause", () => app.play());
-    this.tools.append(tool("◂", "event before", () => app.event(-1)), this.toggle, tool("▸", "next event", () => app.event(1)));
+    const before = tool("◂", "event before", () => app.event(-1)), next = tool("▸", "next event", () => app.event(1));
+    this.tools.append(before, this.toggle, next);
     Object.assign(this.plot, { left: 0, right: 0, top: 0, bottom: 0 });
   }
   gestures() {}
   draw() {
-    const { app, plot, orbit, theme } = this, { shapes, note } = this.scene.sketch, { cursor } = this.state, { x, y, ctx } = plot;
+    const { app, plot, orbit, theme } = this, { x, y, ctx } = plot;
+    const { shapes, note } = this.scene.sketch, { cursor } = this.state;
     if (!orbit?.pose || !this.box.isConnected || !plot.measure()) return;
     // The room that the motion needs does not shrink; one scale for both axes.
     this.reach = orbit.header.reach.map((v, k) => (k % 2 ? Math.max : Math.min)(v, this.reach?.[k] ?? v));
@@ -727,13 +732,13 @@ class Mechanism extends View {
       ctx.save();
       ctx.translate(x.px(x_1), y.px(y_1));
       ctx.rotate(dx === dx ? Math.atan2(dy, dx) : -(p.angle || 0));
-      this.shape(s, k, Math.hypot(dx, dy) || 1, p.travel);
+      this.shape(s, k, Math.hypot(dx, dy) || 1, p.travel, dx < 0);
       ctx.restore();
     }
     this.toggle.textContent = app.clock ? "❚❚" : "▶";
     this.note.textContent = `t = ${short(cursor)}${note ? `; ${note}` : ""}`;
   }
-  shape({ kind, width, height, radius, mark, phase }, k, d, travel) {
+  shape({ kind, width, height, radius, mark, phase }, k, d, travel, back) {
     const { plot, app, theme: { ink, axis, paper }, tones: { fill, steel, force } } = this;
     // Points by how far they are along, and across; a number is one on the line.
     const line = (points, colour, wide) => plot.path(points.map((p) => [p, 0].flat()), colour, wide);
@@ -745,7 +750,8 @@ class Mechanism extends View {
     const disc = (ctx) => ctx.arc(0, 0, Math.max(2, radius * k), 0, 7);
     const kinds = {
       spring() {
-        const w = Math.min((width * k) / 2, 14), turns = Array.from({ length: 16 }, (_, i) => [d * (0.125 + 0.05 * i), i % 2 ? w : -w]);
+        const w = Math.min((width * k) / 2, 14), turn = (_, i) => [d * (0.125 + 0.05 * i), i % 2 ? w : -w];
+        const turns = Array.from({ length: 16 }, turn);
         line([0, 0.08 * d, ...turns, 0.92 * d, d], steel, 1.4);
       },
       bar() {
@@ -754,7 +760,7 @@ class Mechanism extends View {
       },
       belt() {
         const h = 12, gap = Math.max(mark * k, 8), first = (((travel * k) % gap) + gap) % gap;
-        plot.shape((ctx) => ctx.roundRect(-h, 0, d + 2 * h, 2 * h, h), fill, ink, 1.4);
+        plot.shape((ctx) => ctx.roundRect(-h, back ? -2 * h : 0, d + 2 * h, 2 * h, h), fill, ink, 1.4);
         for (let q = first; q < d; q += gap) line([q, [q, 5]], ink, 1.4);
       },
       arrow() {
@@ -779,6 +785,6 @@ class Mechanism extends View {
 }
 
 export const VIEWS = {
-  time: Time, mechanism: Mechanism, phase: Phase, characteristic: Characteristic, layer: Layer, diagram: Diagram, basins: Basins,
-  section: Section, noise: Noise,
+  time: Time, mechanism: Mechanism, phase: Phase, characteristic: Characteristic, layer: Layer, diagram: Diagram,
+  basins: Basins, section: Section, noise: Noise,
 };
