@@ -135,7 +135,7 @@ def _menus(known: dict[str, Any]) -> dict[str, list[Any]]:
 
 
 def _models(subject: Subject, law: dict[str, Any], view: str) -> list[dict[str, Any]]:
-    """Menus for another law, what shapes it, and another view: `name` is chosen, and `part` of the state goes with it."""
+    """Menus for another law, what shapes it, and another view: `name` is chosen, the `part` goes with it."""
     found = []
     if law and len(law["all"]) > 1:
         options = [(name, name) for name in law["all"]]
