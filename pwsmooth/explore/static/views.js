@@ -384,7 +384,7 @@ class Grown extends View {
       this.next = null;
     }
     this.job.header = header;
-    this.progress(header.finished ? 1 : header.done / header.of);
+    this.progress(header.finished ? 1 : header.done / header.of || 0);
     this.take(arrays, header);
     this.app.redraw(this);
     // What nobody asked for must not take minutes.
