@@ -16,7 +16,19 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Diffusion, Kicks, System, basins, orbit_diagram, solve
-from pwsmooth.explore import bundle, describe, export, frames, live, maps, opening, presets, processes, subject
+from pwsmooth.explore import (
+    bundle,
+    describe,
+    export,
+    frames,
+    live,
+    maps,
+    opening,
+    presets,
+    processes,
+    state,
+    subject,
+)
 from pwsmooth.explore.code import figure, script
 from pwsmooth.explore.server import PAGES, Server
 from pwsmooth.laws.friction import LuGre, MaxwellSlip, StribeckFriction
@@ -416,6 +428,29 @@ def test_an_autonomous_system_has_maps_by_a_section():
 def test_a_section_repeats_where_the_orbit_does(oscillator):
     points = np.concatenate([arrays["points"] for _, arrays in maps.section(oscillator, {})])
     assert np.abs(points[-2] - points[-3]).max() < 1e-8 and len(points) < 1000
+
+
+# ---- what a link brings
+
+
+def test_a_link_brings_what_the_system_knows_and_names_the_rest(oscillator):
+    known = describe.describe(oscillator)
+    asked = {
+        "p": {"rho": 2.5, "n": 1, "mass": "x"}, "x0": {"y": float("nan")}, "t_span": [3, 1], "names": ["y", "friction"],
+        "phase": ["y"], "section": ["q", 1], "noise": {"name": "y", "seed": -1}, "ranges": {"rho": [1, 4], "n": [0, 1]},
+        "basins": {"axes": ["v", "y"], "ranges": [[-1, 1], [0, 2]]}, "diagram": 7, "cursor": [], "odd": 1,
+    }  # fmt: skip
+    own, (found, left) = state.first_state(known, {}), state.restored(known, asked)
+    taken = {
+        "p": {**own["p"], "rho": 2.5},
+        "names": asked["names"],
+        "basins": asked["basins"],
+        "ranges": {"rho": [1, 4]},
+    }
+    assert found == own | taken
+    assert left == ["odd", "n", "mass", "y"]
+    again = state.decoded(base64.urlsafe_b64encode(json.dumps(found).encode()).decode().rstrip("="))
+    assert state.restored(known, again) == (found, [])
 
 
 # ---- files without Python
