@@ -338,7 +338,7 @@ def colours(b: Browser, shots: Path | None) -> None:
         told = tab.evaluate("[explorer.phases[1], explorer.phases[-1], explorer.phases[0]]")
         expect(told == [COLOUR["right"], COLOUR["left"], COLOUR["stick"]], f"the colours are {told}")
         # A pixel of the curve where it slips to the right.
-        found = tab.evaluate("""(() => { const v = explorer.of('phase'), o = explorer.orbit, xs = o.values.get('y'), ys = o.values.get('v'), s = explorer.status(o), found = {};
+        found = tab.evaluate("""(() => { const v = explorer.of('phase'), o = explorer.orbit, xs = o.values.get('y'), ys = o.values.get('v'), s = explorer.status(explorer.state.switch), found = {};
           for (let k = 0; k < xs.length; k += 7) { if (Math.abs(ys[k]) < 0.4) continue;
             const x = Math.round(v.plot.px(xs[k]) * v.plot.ratio), y = Math.round(v.plot.py(ys[k]) * v.plot.ratio), d = v.canvas.getContext('2d').getImageData(x, y, 1, 1).data;
             const key = (ys[k] > 0 ? 'up' : 'down'); found[key] = found[key] || [0, 0]; if (d[2] > d[0] + 40) found[key][0]++; if (d[0] > d[2] + 40) found[key][1]++; }
@@ -580,7 +580,7 @@ FAULTS: dict[str, tuple[str, str, str, str]] = {
     "wider than a phone": (
         "explore/static/style.css", ".work { display: block; }", ".work { display: block; width: 500px; }", "views",
     ),
-    "another law loses the mechanism's numbers": (JS, "{ ...rest, p, x0:", "{ ...rest, x0:", "models"),
+    "another law loses the mechanism's numbers": (JS, "{ ...this.state, ...part, kind:", "{ ...part, kind:", "models"),
     "a page that only looks is heard": ("explore/processes.py", "if self.subject.read_only:", "if False:", "models"),
 }  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 import base64
 import http.client
+import importlib.resources
 import json
 import signal
 import subprocess
@@ -15,7 +16,19 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Diffusion, Kicks, System, basins, orbit_diagram, solve
-from pwsmooth.explore import describe, export, frames, live, maps, opening, presets, processes, subject
+from pwsmooth.explore import (
+    bundle,
+    describe,
+    export,
+    frames,
+    live,
+    maps,
+    opening,
+    presets,
+    processes,
+    state,
+    subject,
+)
 from pwsmooth.explore.code import figure, script
 from pwsmooth.explore.server import PAGES, Server
 from pwsmooth.laws.friction import LuGre, MaxwellSlip, StribeckFriction
@@ -139,7 +152,7 @@ def test_what_is_drawn_lies_on_the_solution_and_keeps_the_ends_of_sticks(oscilla
     assert [h[:2] for h in header["held"]] == [[s.start, s.end] for s in sticks] and sticks
     for s in sticks:
         during = (arrays["t"] > s.start) & (arrays["t"] < s.end)
-        assert (arrays["status"][during] == 0).all() and np.abs(row["v"][during]).max() < 1e-12
+        assert (arrays["status"][:, during] == 0).all() and np.abs(row["v"][during]).max() < 1e-12
 
 
 def test_the_layer_at_the_cursor_has_the_folds_of_the_hidden_term(oscillator):
@@ -420,7 +433,39 @@ def test_a_section_repeats_where_the_orbit_does(oscillator):
     assert np.abs(points[-2] - points[-3]).max() < 1e-8 and len(points) < 1000
 
 
+# ---- what a link brings
+
+
+def test_a_link_brings_what_the_system_knows_and_names_the_rest(oscillator):
+    known = describe.describe(oscillator)
+    asked = {
+        "p": {"rho": 2.5, "n": 1, "mass": "x"}, "x0": {"y": float("nan")}, "t_span": [3, 1], "names": ["y", "friction"],
+        "phase": ["y"], "section": ["q", 1], "noise": {"name": "y", "seed": -1}, "ranges": {"rho": [1, 4], "n": [0, 1]},
+        "basins": {"axes": ["v", "y"], "ranges": [[-1, 1], [0, 2]]}, "diagram": 7, "cursor": [], "odd": 1,
+    }  # fmt: skip
+    own, (found, left) = state.first_state(known, {}), state.restored(known, asked)
+    taken = {
+        "p": {**own["p"], "rho": 2.5},
+        "names": asked["names"],
+        "basins": asked["basins"],
+        "ranges": {"rho": [1, 4]},
+    }
+    assert found == own | taken
+    assert left == ["odd", "n", "mass", "y"]
+    again = state.decoded(base64.urlsafe_b64encode(json.dumps(found).encode()).decode().rstrip("="))
+    assert state.restored(known, again) == (found, [])
+
+
 # ---- files without Python
+
+
+def test_what_is_delivered_is_the_source_without_indentation_and_lines_of_comment():
+    folder = importlib.resources.files(bundle.__package__).joinpath("static")
+    for name in ("explorer.js", "views.js", "plot.js", "main.js", "file.js", "style.css"):
+        source = folder.joinpath(name).read_text(encoding="utf-8").split("\n")
+        assert all(line.count("`") % 2 == 0 for line in source), f"a text of {name} goes over lines"
+        kept = [line.strip() for line in source if line.strip() and not line.strip().startswith("//")]
+        assert bundle.static(name).decode().split("\n")[:-1] == kept
 
 
 def test_a_file_has_a_frame_for_every_value_near_the_orbit_and_asks_nothing_of_the_network(

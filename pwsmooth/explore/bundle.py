@@ -11,12 +11,13 @@ _PARTS = ("plot.js", "views.js", "explorer.js")
 
 
 def static(name: str) -> bytes:
-    """A file of the page."""
-    return importlib.resources.files(__package__).joinpath("static", name).read_bytes()
+    """A file of the page as it is delivered: without indentation and lines of comment, which only its readers need."""
+    text = importlib.resources.files(__package__).joinpath("static", name).read_text(encoding="utf-8")
+    return re.sub(r"^[ \t]*(?://.*)?\n|^[ \t]+", "", text, flags=re.M).encode()
 
 
 def module(narrow: int = NARROW) -> str:
-    """The three parts as one ES module, which exports nothing: `mount` and `unpack` are names in it."""
+    """The parts as one ES module, which exports nothing: `mount` is a name in it."""
     texts = (static(name).decode() for name in _PARTS)
     text = "\n".join(re.sub(r"^import .*\n|^export (?=\w)", "", text, flags=re.M) for text in texts)
     return text.replace(f"{NARROW - 1}px", f"{narrow - 1}px")

@@ -15,7 +15,7 @@ from ..sweep.basins import basins, orbit_diagram
 from .live import state_of, strobed_by
 from .subject import Subject
 
-FORMATS = ("png", "pdf", "svg")
+TYPES = {"png": "image/png", "pdf": "application/pdf", "svg": "image/svg+xml"}
 
 
 def script(subject: Subject, asked: Mapping[str, Any]) -> str:
@@ -91,7 +91,7 @@ def figure(subject: Subject, asked: Mapping[str, Any]) -> bytes:
     """The figure that the script draws, as a PNG, PDF or SVG file with the script in its metadata."""
     from matplotlib.figure import Figure
 
-    kind = checks.one_of(*FORMATS)(asked.get("format", "png"), "`format`")
+    kind = checks.one_of(*TYPES)(asked.get("format", "png"), "`format`")
     p, x0, span = state_of(subject, asked)
     view = asked.get("for", "time")
     values: Any

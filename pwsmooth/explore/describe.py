@@ -12,18 +12,27 @@ import sympy as sp
 from .. import plotting
 from ..definition.model import Model
 from ..sweep.study import law_of
+from .labels import spelled, written
 from .subject import Subject, laws_for
 
 #: What a page may ask of a process; `each` within a factor of 10 by the page.
 LIMITS = {"span": 1000.0, "periods": 500, "steps": 200_000, "seconds": 2.0, "columns": 2000, "points": 1000,
           "cells": 600, "job": 600.0}  # fmt: skip
 MOST = 100  # states, of which all are listed; of more these first ones
+STARTS, CURVES = 12, 40  # states that have a slider, names that can be drawn over time
+#: Views in the order in which they stand on the page.
+TITLES = {
+    "time": "Time series", "mechanism": "Mechanism", "phase": "Phase plane", "characteristic": "Characteristic",
+    "layer": "Layer", "diagram": "Orbit diagram", "basins": "Basins", "section": "Poincaré section",
+    "noise": "Under noise",
+}  # fmt: skip
 
 
-def describe(subject: Subject, solution: Any = None) -> dict[str, Any]:
-    """Title, names, sliders, views with why those that are not there are not, colours: JSON.
+def describe(subject: Subject, solution: Any = None, view: Any = "") -> dict[str, Any]:
+    """Title, names as they are written, sliders, menus, the views that it has, colours: JSON.
 
-    With a first solution the ranges of the states are those that its motion suggests.
+    With a first solution the ranges of the states are those that its motion suggests. `view` is the one that was asked
+    for, in place of the system's own.
     """
     system, model = subject.system, subject.system.model
     states = [s.name for s in model.states[: len(model.states) - model.n_memory]][:MOST]
@@ -31,8 +40,10 @@ def describe(subject: Subject, solution: Any = None) -> dict[str, Any]:
     outputs = [str(name) for name, _ in model.outputs] if model.families is None else (
         [n for n in dict.fromkeys((*subject.names, *subject.phase)) if n not in (*states, *multipliers)]
     )  # fmt: skip
-    units = {**subject.units}
-    return {
+    units = {name: unit for name, unit in subject.units.items() if unit != "1"}
+    law = _law(subject)
+    axes = {name: _reach(subject.start[name], k, solution) for k, name in enumerate(states)}
+    known: dict[str, Any] = {
         "title": subject.name,
         "note": subject.note,
         "view": str(system._view.title) if system._view else "",
@@ -40,26 +51,28 @@ def describe(subject: Subject, solution: Any = None) -> dict[str, Any]:
         "states": states,
         "multipliers": multipliers,
         "outputs": outputs,
-        "units": {name: unit for name, unit in units.items() if unit != "1"},
+        "units": units,
         "start": {name: subject.start[name] for name in states},
         "t_span": list(subject.t_span),
         "period": subject.period_at({}),
-        "axes": {name: _reach(subject.start[name], k, solution) for k, name in enumerate(states)},
+        "axes": axes,
+        "starts": [
+            {"name": name, "min": low, "max": high, "tail": units.get(name, ""), "value": subject.start[name]}
+            for name, (low, high) in list(axes.items())[:STARTS]
+        ],
         "controls": controls(subject),
         "names": list(subject.names) or (states + outputs)[:2],
         "phase": list(subject.phase) or _phase(states, outputs),
         "characteristic": characteristic(model),
         "switches": switches(model),
-        "hidden": _has_hidden(system),
+        "models": _models(subject, law, str(view or "")),
         "map": _map(subject, states),
-        "sketch": None if subject.sketch is None else {
-            "shapes": subject.sketch.describe(), "bounds": subject.sketch.bounds, "note": subject.sketch.note,
-        },
-        "views": list(subject.views),
-        "law": _law(subject),
+        "sketch": subject.sketch and {"shapes": subject.sketch.describe(), "note": subject.sketch.note},
+        "law": law,
         "noise": "" if subject.noise is None else str(subject.noise),
         "eps": subject.eps,
         "read_only": subject.read_only,
+        "locked": subject.read_only,
         "command": subject.command or "pwsmooth explore SCENE",
         "colours": {
             "right": plotting.COLOUR["right"], "left": plotting.COLOUR["left"], "stick": plotting.COLOUR["stick"],
@@ -70,6 +83,75 @@ def describe(subject: Subject, solution: Any = None) -> dict[str, Any]:
         },
         "limits": LIMITS,
     }  # fmt: skip
+    told = [*states, *multipliers, *outputs, *known["characteristic"], known["time"],
+            *(c["name"] for c in known["controls"])]  # fmt: skip
+    known["labels"] = {
+        name: (*spelled(name), text := written(name), f"{text} ({units[name]})" if name in units else text)
+        for name in told
+    }
+    known["curves"] = [(n, written(n)) for n in (*states, *multipliers, *outputs)][:CURVES]
+    return known | {"views": _views(subject, known), "menus": _menus(known)}
+
+
+def _views(subject: Subject, known: dict[str, Any]) -> dict[str, str]:
+    """The views that are offered, with their titles; maps that wait for a section are moved to those of the map."""
+    plane, two = bool(known["phase"]), len(known["states"]) > 1
+    has = {
+        "time": True, "mechanism": subject.sketch is not None, "phase": plane,
+        "characteristic": bool(known["characteristic"]), "layer": bool(known["switches"]), "diagram": True,
+        "basins": two, "section": plane and two, "noise": subject.noise is not None,
+    }  # fmt: skip
+    offered = {key: title for key, title in TITLES.items() if has[key] and key in (subject.views or TITLES)}
+    maps = (
+        {}
+        if known["map"]["ok"]
+        else {k: offered.pop(k) for k in ("diagram", "basins", "section") if k in offered}
+    )
+    known["map"]["views"] = maps if known["map"]["sections"] else {}
+    known["map"]["why"] *= "diagram" in maps
+    return offered
+
+
+def _menus(known: dict[str, Any]) -> dict[str, list[Any]]:
+    """Menus of the views: (what it is for, the place in the state that it writes, its options with their texts)."""
+
+    def named(names: list[str]) -> list[tuple[str, str]]:
+        return [(name, written(name)) for name in names]
+
+    states, outputs, everything = known["states"], known["outputs"], [*known["states"], *known["multipliers"]]
+    ways = [(0, "same start"), (1, "carried on →"), (-1, "carried on ←")]
+    sides = ("horizontal axis", "vertical axis")
+    return {
+        "phase": [(side, ("phase", k), named([*everything, *outputs])) for k, side in enumerate(sides)],
+        "layer": [("switch", ("switch",), named(known["switches"]))] * (len(known["switches"]) > 1),
+        "diagram": [
+            ("parameter", ("diagram", "parameter"), named([c["name"] for c in known["controls"]])),
+            ("what is shown", ("diagram", "y"), named(states)),
+            ("where each column starts", ("diagram", "carry"), ways),
+        ],
+        "basins": [(f"{side} of the basins", ("basins", "axes", k), named(states)) for k, side in enumerate(sides)],
+        "noise": [("what is shown", ("noise", "name"), named([*states, *outputs]))],
+    }  # fmt: skip
+
+
+def _models(subject: Subject, law: dict[str, Any], view: str) -> list[dict[str, Any]]:
+    """Menus for another law, what shapes it, and another view: `name` is chosen, the `part` goes with it."""
+    found = []
+    if law and len(law["all"]) > 1:
+        options = [(name, name) for name in law["all"]]
+        found.append({"text": "Law", "label": "law", "name": "law", "value": law["name"], "options": options,
+                      "part": {"values": {}, "view": ""}})  # fmt: skip
+    for f in law.get("shape", ()):
+        options = [(choice, choice) for choice in f["choices"]]
+        found.append({"text": written(f["name"]), "label": f["meaning"], "name": f["name"], "value": f["value"],
+                      "options": options, "part": {"law": law["name"]}, "shape": True})  # fmt: skip
+    if view or switches(subject.system.model):
+        options = [("", "as defined"), ("smoothed", f"smoothed, ε = {subject.eps:g}")]
+        if view or _has_hidden(subject.system):
+            options.insert(1, ("layered", "layered: fast states in the layer"))
+        found.append({"text": "View", "label": "view of the system", "name": "view", "value": view,
+                      "options": options, "part": {}})  # fmt: skip
+    return found
 
 
 def _law(subject: Subject) -> dict[str, Any]:
@@ -79,7 +161,7 @@ def _law(subject: Subject) -> dict[str, Any]:
     law = law_of(subject.made.law)
     shaping = [f for f in fields(law) if f.metadata["structural"]]
     return {
-        "name": subject.made.law, "all": laws_for(subject), "moving": subject.moving,
+        "name": subject.made.law, "all": laws_for(subject),
         "shape": [{"name": f.name, "value": subject.made.values.get(f.name, f.default),
                    "meaning": f.metadata["meaning"], "choices": list(f.metadata["choices"])} for f in shaping],
     }  # fmt: skip
@@ -132,10 +214,13 @@ def _has_hidden(system: Any) -> bool:
 def _map(subject: Subject, states: list[str]) -> dict[str, Any]:
     """Whether orbit diagram, basins and section are offered; else why not."""
     controlled = [str(p) for p in subject.system.parameters]
-    known = {
+    known: dict[str, Any] = {
         "ok": subject.period is not None, "why": "",
         "parameter": next((n for n in (*subject.ranges, *controlled) if n in controlled), None),
-        "basins": len(states) > 1, "sections": states if subject.period is None else [],
+        "sections": [] if subject.period is not None else [
+            (f"{n} {way}", f"{written(n)} = 0, {told}")
+            for n in states[:20] for way, told in ((1, "rising"), (-1, "falling"))
+        ],
     }  # fmt: skip
     if subject.system.model.smoothing:
         why = "a smoothed view runs on the stiff path, too slowly for a map that grows"
@@ -165,7 +250,9 @@ def controls(subject: Subject) -> list[dict[str, Any]]:
     for name, members in system.groups.items():
         inside = [m for m in members if m in values]
         if len(inside) > 1 and len({values[m][1] for m in inside}) == 1:
-            found.append(_control(subject, name, *values[inside[0]]) | {"each": len(inside)})
+            each = _control(subject, name, *values[inside[0]])
+            each["tail"] = f"{each['tail']} each of {len(inside)}".strip()
+            found.append(each | {"each": len(inside)})
             taken |= set(inside)
     found += [_control(subject, name, p, v) for name, (p, v) in values.items() if name not in taken]
     order = list(values)
@@ -177,10 +264,11 @@ def _control(subject: Subject, name: str, symbol: Any, value: float) -> dict[str
     if name in subject.ranges:
         low, high = subject.ranges[name]
         log = log and low > 0 and high / low > 30
-    base = name.partition("_")[0]
+    span = (max(low, value / 10), min(high, 5 * value)) if log else (low or 1e-3 * high, high)
+    base, unit = name.partition("_")[0], subject.units.get(name, "")
     return {
-        "name": name, "value": value, "min": low, "max": high, "log": log,
-        "unit": subject.units.get(name, "") if subject.units.get(name) != "1" else "",
+        "name": name, "value": value, "min": low, "max": high, "log": log, "span": span,
+        "unit": "" if unit == "1" else unit, "tail": "" if unit == "1" else unit,
         "meaning": subject.meanings.get(name, subject.meanings.get(base, "")),
         "sign": "positive" if symbol.is_positive else "nonnegative" if symbol.is_nonnegative else "real",
     }  # fmt: skip

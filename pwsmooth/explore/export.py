@@ -16,11 +16,13 @@ from typing import Any
 import numpy as np
 
 from ..definition import checks
-from .bundle import module, style
+from .bundle import module, static, style
 from .describe import describe
 from .frames import pack
+from .labels import spelled, written
 from .live import Live, state_of
 from .maps import diagram as columns_of
+from .state import restored
 from .subject import VIEWS, Subject
 
 MOST = 5_000_000  # bytes of a file
@@ -44,8 +46,7 @@ _PAGE = """<!doctype html>
 <script type="application/json" id="data">{data}</script>
 <script type="module">
 {module}
-const data = JSON.parse(document.getElementById("data").textContent);
-globalThis.explorer = mount(document.getElementById("explorer"), fileTransport(data));
+{transport}
 </script>
 </html>
 """
@@ -81,23 +82,29 @@ def standalone(
             raise ValueError(f"`over` of {name} has {value:g}, which the system refuses: {header['why']}")
         keep = _thinned(arrays)
         header |= {"to": "orbit", "sentence": live.sentence()[0]["said"]}
-        kept = {"t": arrays["t"][keep], "status": arrays["status"][keep], "values": arrays["values"][:, keep]}
+        kept = {
+            "t": arrays["t"][keep],
+            "status": arrays["status"][:, keep],
+            "values": arrays["values"][:, keep],
+        }
         if "pose" in arrays:
             few = slice(None, None, max(1, len(arrays["pose_t"]) // _POSES))
             kept |= {"pose": arrays["pose"][:, few], "pose_t": arrays["pose_t"][few]}
         frames.append(_text(pack(header, kept, short=True)))
         if "layer" in shown and known["switches"]:
             layers[k] = _layers(live, known["switches"][0], *header["asked"])
-    scene = describe(subject, live.solution)
+    scene = describe(replace(subject, views=shown), live.solution)
     (control,) = [c for c in scene["controls"] if c["name"] == name] or [None]
     scene |= {
-        "kind": "scene", "alone": True, "views": list(shown), "start": {**scene["start"], **asked.get("x0", {})},
+        "kind": "scene", "alone": True, "locked": True, "start": {**scene["start"], **asked.get("x0", {})},
         "controls": [{**(control or {"name": name, "unit": "", "meaning": "", "sign": "real"}), "log": False,
                       "min": values[0], "max": values[-1], "value": _nearest(values, p.get(name, _own(subject, name))),
-                      "grid": values.tolist()}],
+                      "grid": values.tolist(), "span": (values[0], values[-1])}],
         "switches": scene["switches"][:1],
-        "map": {"ok": diagram, "parameter": name, "basins": False, "why": ""},
+        "map": {"ok": diagram, "parameter": name, "sections": [], "views": {}, "why": ""},
+        "labels": {**scene["labels"], name: (*spelled(name), written(name), written(name))}, "menus": {},
     }  # fmt: skip
+    scene["state"], _ = restored(scene, {"x0": scene["start"]})
     grown = []
     if diagram:
         request = {**asked, "parameter": name, "range": [values[0], values[-1]], "columns": 400, "keep": 64}
@@ -106,7 +113,7 @@ def standalone(
             "layers": [layers.get(k, "") for k in range(len(values))], "diagram": grown}  # fmt: skip
     text = _PAGE.format(
         title=html.escape(subject.name), style=style(_NARROW), module=module(_NARROW),
-        data=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
+        transport=static("file.js").decode(), data=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
     )  # fmt: skip
     if len(text) > MOST:
         fits = int(len(values) * (MOST - 2e5) / len(text))
@@ -123,7 +130,8 @@ def _column_frame(state: str, header: Mapping[str, Any], arrays: Mapping[str, np
     if arrays:
         arrays["points"] = arrays["points"][..., [header["names"].index(state)]]
         arrays["last"] = arrays["points"][:, -1]
-    return _text(pack({**header, "names": [state], "job": 0}, arrays, short=True))
+    said = header["said"].replace("; drag: zoom", "")
+    return _text(pack({**header, "names": [state], "job": 0, "said": said}, arrays, short=True))
 
 
 def _text(frame: bytes) -> str:
@@ -145,11 +153,11 @@ def _layers(live: Live, switch: str, begin: float, end: float) -> str:
     header = {
         key: [_rounded(h[key]) for h, _ in found]
         for key in found[0][0]
-        if key not in ("kind", "switch", "fast")
+        if key not in ("kind", "switch", "pink")
     }
     arrays = {name: np.stack([a[name][::4] for _, a in found]) for name in found[0][1] if name != "lam"}
     arrays["lam"] = found[0][1]["lam"][::4]
-    same: dict[str, Any] = {key: found[0][0][key] for key in ("kind", "switch", "fast") if key in found[0][0]}
+    same = {key: found[0][0][key] for key in ("kind", "switch", "pink")}
     return _text(pack({**same, "rows": header}, arrays, short=True))
 
 
@@ -163,7 +171,7 @@ def _thinned(arrays: Mapping[str, np.ndarray]) -> np.ndarray:
     curves = np.vstack([t, values])
     size = np.ptp(np.where(np.isfinite(curves), curves, 0), axis=1)
     curves = curves / np.where(size > 0, size, 1)[:, None]
-    changes = np.flatnonzero(np.any(np.diff(arrays["status"], axis=0) != 0, axis=1))
+    changes = np.flatnonzero(np.any(np.diff(arrays["status"]) != 0, axis=0))
     fixed = np.unique([0, len(t) - 1, *changes, *(changes + 1)]).astype(int)
     for chord in _CHORDS:
         kept = np.concatenate([[0], *(_bends(curves, a, b, chord) for a, b in zip(fixed, fixed[1:]))]).astype(

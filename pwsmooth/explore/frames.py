@@ -2,9 +2,9 @@
 
     uint32 length of the header | header, padded to 4 | array | array | ...
 
-Each array is float32, uint8 or int32 (uint16 of its range in files), padded to 4 bytes; the header lists (name, type,
-shape) of all. Where the span of an array is below 1e-4 of its place float32 would not resolve it: its offset travels in
-the header then.
+Each array is float32, uint8, int8 or int32 (uint16 of its range in files), padded to 4 bytes; the header lists (name,
+type, shape) of all. Where the span of an array is below 1e-4 of its place float32 would not resolve it: its offset
+travels in the header then.
 """
 
 from __future__ import annotations
@@ -17,13 +17,19 @@ from typing import Any
 
 import numpy as np
 
-TYPES: dict[str, Any] = {"f": np.dtype("<f4"), "b": np.dtype("u1"), "i": np.dtype("<i4"), "h": np.dtype("<u2")}
+TYPES: dict[str, Any] = {
+    "f": np.dtype("<f4"),
+    "b": np.dtype("u1"),
+    "c": np.dtype("i1"),
+    "i": np.dtype("<i4"),
+    "h": np.dtype("<u2"),
+}
 _STEPS = 65535
 _NARROW = 1e-4  # span by place, below which an offset is taken off
 
 
 def pack(header: Mapping[str, Any], arrays: Mapping[str, Any] | None = None, *, short: bool = False) -> bytes:
-    """A frame; floats become float32, int8 and bool uint8 (as two's complement), other integers int32.
+    """A frame; floats become float32, bool uint8, integers of one byte stay, others become int32.
 
     `short`: floats become 16 bits of each one's range, its last one standing for nan.
     """
@@ -45,7 +51,7 @@ def pack(header: Mapping[str, Any], arrays: Mapping[str, Any] | None = None, *, 
                 values = values - finite[0]
             kind = "f"
         else:
-            kind = "b" if values.dtype.itemsize == 1 else "i"
+            kind = "c" if values.dtype == np.int8 else "b" if values.dtype.itemsize == 1 else "i"
         raw = np.ascontiguousarray(values).astype(TYPES[kind], casting="unsafe").tobytes()
         listed.append(entry | {"type": kind, "shape": list(values.shape)})
         parts.append(raw + bytes(-len(raw) % 4))

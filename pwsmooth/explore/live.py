@@ -22,6 +22,7 @@ from ..sweep.contract import Window
 from ..sweep.of_solution import strobes
 from ..sweep.periodicity import Period
 from .describe import LIMITS, can_slide, switches
+from .labels import short, written
 from .subject import Subject
 
 POINTS = 3000  # of a picture; eight of a step at least
@@ -61,19 +62,21 @@ class Live:
             found, values = sampled(solution, names, self.subject.sketch)
         except (ValueError, TypeError, KeyError) as error:
             said = str(error.args[0]) if error.args else str(error)
-            return {"kind": "refused", "why": said, **_remedies(said)}, {}
+            return {"kind": "refused", "why": said, **self._remedy(said, asked)}, {}
         header = {
             "kind": "orbit", "names": names, "t_span": [float(solution.t[0]), float(solution.t[-1])],
-            "asked": list(span), "ok": solution.success, "said": "" if solution.success else solution.message,
+            "asked": list(span), "ok": solution.success, "said": _outcome(solution),
             "stopped": None if solution.success else float(solution.t[-1]), "period": self.period,
             "events": _events(solution), "held": _held(solution), "lines": _lines(solution, asked),
             "ambiguities": [[a.time, str(a)] for a in solution.ambiguities][:20],
             "end": {n: float(v) for n, v in zip(solution.states[:100], solution.x[:, -1])},
+            "remedies": [] if solution.success else self._remedies(span[0], float(solution.t[-1])),
             "ms": [1e3 * (solved - begun), 1e3 * (time.perf_counter() - solved)],
         }  # fmt: skip
-        arrays = {"t": found.t, "status": found.statuses, "values": values}
+        arrays = {"t": found.t, "status": found.statuses.T, "values": values}
         if self.subject.sketch is not None:
-            header["pose"], poses = _posed(self.subject.sketch, solution, found)
+            told, poses = _posed(self.subject.sketch, solution, found)
+            header |= told
             arrays |= poses
         return header, arrays
 
@@ -96,7 +99,15 @@ class Live:
         g = field_over(model, model.multipliers[j].residual, j, t, x, mult, p, _LAM)
         arrays = {"lam": _LAM, "g": g}
         h = field_over(model, model.multipliers[j].surface, j, t, x, mult, p, _LAM[:1])
-        header = {"kind": "layer", "switch": name, "t": t, "now": mult[j], "roots": _roots(g), "h": float(h[0])}
+        header = {
+            "kind": "layer",
+            "switch": name,
+            "t": t,
+            "now": [mult[j], float(np.interp(mult[j], _LAM, g))],
+            "roots": _roots(g),
+            "h": float(h[0]),
+            "pink": "",
+        }
         if "box" in asked:
             pair = tuple(str(n) for n in checks.several(asked.get("phase", ()), "`phase`"))
             header |= {"plane": pair, "sliding": _sliding(solution, t, x, mult, pair, asked["box"])}
@@ -104,12 +115,27 @@ class Live:
             other, k = slaved.model, [str(m.symbol) for m in slaved.model.multipliers].index(name)
             slow = [x[solution.states.index(str(s))] for s in other.states]
             arrays["slaved"] = field_over(other, other.multipliers[k].residual, k, t, slow, mult, p, _LAM)
-            header |= {"slaved_roots": _roots(arrays["slaved"]), "fast": list(self._fast)}
+            header |= {"slaved_roots": _roots(arrays["slaved"])}
+            header["pink"] = f"; pink: {', '.join(map(written, self._fast))} at equilibrium"
         return header, arrays
 
     def sentence(self) -> Answer:
         """What the orbit comes to, in words."""
         return {"kind": "sentence", "said": said_of(self.solution, self.period) if self.solution else ""}, {}
+
+    def _remedy(self, said: str, asked: Mapping[str, Any]) -> dict[str, Any]:
+        """The field that a refusal is of, and the view in which the value is allowed."""
+        names = {n: n for n in asked.get("p", {})} | {f"x0.{n}": n for n in asked.get("x0", {})}
+        field = next((key for key, n in names.items() if f"{n!r}" in said or f"of {n} " in said), "")
+        hidden = self.subject.system.model.families is None and self.subject.system.hidden_terms
+        layered = [("Take the layered view", {"view": "layered"})]
+        return {"field": field, "remedies": layered if hidden and not self.subject.system._view else []}
+
+    def _remedies(self, begin: float, end: float) -> list[tuple[str, Any]]:
+        """What the page itself can do where a run has stopped: a part of the state that helps."""
+        found: list[tuple[str, Any]] = [("Shorter span", {"t_span": (begin, begin + 0.98 * (end - begin))})]
+        smoothed = switches(self.subject.system.model) and not self.subject.system._view
+        return found + [("Smoothed view", {"view": "smoothed"})] * bool(smoothed)
 
     @property
     def _fast(self) -> tuple[str, ...]:
@@ -188,25 +214,31 @@ def sampled(solution: Solution, names: list[str], sketch: Any = None) -> tuple[S
     return found, np.array([rows[n] for n in names])
 
 
-def _posed(
-    sketch: Any, solution: Solution, found: Sampled
-) -> tuple[list[dict[str, float]], dict[str, np.ndarray]]:
-    """Rows of the pose, those that stay as numbers, and the others at every few of the points."""
+def _posed(sketch: Any, solution: Solution, found: Sampled) -> Answer:
+    """Rows of the pose, those that stay as numbers, and the others at every few of the points; the room they need."""
     few = slice(None, None, max(1, len(found) // _POSES))
     some = replace(
         found, t=found.t[few], values=found.values[few], status=found.status[few], step=found.step[few],
         statuses=found.statuses[few],
     )  # fmt: skip
-    rows: list[dict[str, float]] = []
+    rows: list[float | None] = []
     moving: list[np.ndarray] = []
-    for shape in sketch.pose(solution, some).values():
-        for row in shape:
-            if np.ptp(row) == 0:
-                rows.append({"is": float(row[0])})
-            else:
-                rows.append({"at": len(moving)})
+    ends: dict[str, list[float]] = {"x": [], "y": []}
+    for shape, places in zip(sketch.describe(), sketch.pose(solution, some).values()):
+        wide = shape.get("width") or 2 * shape.get("radius", 0.0)
+        half = {"x": wide / 2, "y": (shape.get("height") or 2 * shape.get("radius", 0.0) or wide) / 2}
+        for name, row in zip(shape["places"], places):
+            if (axis := name[0]) in ends:
+                ends[axis] += [row.min() - half[axis], row.max() + half[axis]]
+            still = np.ptp(row) == 0
+            rows.append(float(row[0]) if still else None)
+            if not still:
                 moving.append(row)
-    return rows, {"pose": np.array(moving).reshape(len(moving), len(some)), "pose_t": some.t}
+    left, right, low, high = (float(f(ends[axis])) for axis in "xy" for f in (min, max))
+    pad = 0.06 * (right - left)
+    reach = sketch.bounds or (left - pad, right + pad, low - 2 * pad, high + pad)
+    header = {"pose": rows, "reach": reach}
+    return header, {"pose": np.array(moving).reshape(len(moving), len(some)), "pose_t": some.t}
 
 
 def _events(solution: Solution) -> list[list[Any]]:
@@ -301,8 +333,12 @@ def _roots(g: np.ndarray) -> list[list[float]]:
     return [[float(l), float(g[k] > 0)] for l, k in zip(lam, at)]
 
 
-def _remedies(said: str) -> dict[str, Any]:
-    return {"remedy": "layered"} if "system.layered" in said else {}
+def _outcome(solution: Solution) -> str:
+    """Why it stopped, or since when it is not unique."""
+    if not solution.success:
+        return solution.message
+    unsure = next(iter(solution.ambiguities), None)
+    return f"Not unique from t = {short(unsure.time)} on: {unsure}" if unsure else ""
 
 
 def said_of(solution: Solution, period: float | None) -> str:

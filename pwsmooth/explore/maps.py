@@ -6,6 +6,7 @@ whole picture: `sweep.refine` and `refine_basins`, told piece by piece, so that 
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -22,6 +23,7 @@ from ..sweep.basins import orbit_diagram, refine_basins
 from ..sweep.measures import Points
 from ..sweep.refining import SweepPlan, make_plan, refine, spread
 from .describe import LIMITS
+from .labels import written
 from .live import Answer, state_of, strobed_by
 from .subject import Subject
 
@@ -49,13 +51,27 @@ def _driven(
 class _Progress:
     """What has been done, and since when."""
 
-    def __init__(self, of: int) -> None:
-        self.done, self.of, self.begun = 0, of, time.process_time()
+    def __init__(self, of: int, said: str = "") -> None:
+        self.done, self.of, self.begun, self.said = 0, of, time.process_time(), said
 
     def told(self, more: int) -> dict[str, Any]:
         self.done += more
-        return {"done": self.done, "of": self.of, "cpu": time.process_time() - self.begun,
-                "finished": self.done >= self.of}  # fmt: skip
+        finished = self.done >= self.of
+        rest = "" if finished or not self.said else f" {self.done} of {self.of} columns."
+        hint = " Click: orbit there; drag: zoom." if self.said else ""
+        cpu = time.process_time() - self.begun
+        left = cpu / self.done * (self.of - self.done) if cpu > 1 and self.done else 0.0
+        return {"done": self.done, "of": self.of, "cpu": cpu, "rest": left, "finished": finished,
+                "said": self.said + rest + hint}  # fmt: skip
+
+
+def _returns(strobes: Mapping[str, Any]) -> str:
+    """What the points of a map are."""
+    if "period" in strobes:
+        return "Strobes"
+    return (
+        f"Returns to {written(strobes['section'])} = 0, {'rising' if strobes['direction'] > 0 else 'falling'}"
+    )
 
 
 def diagram(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
@@ -67,8 +83,13 @@ def diagram(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
     values, carry = np.linspace(low, high, count), int(asked.get("carry", 0))
     states = [s.name for s in system.states]
     head = {"kind": "diagram", "parameter": name, "range": [low, high], "columns": count, "names": states,
-            "keep": keep, "carry": carry}  # fmt: skip
-    progress = _Progress(count)
+            "keep": keep}  # fmt: skip
+    ways = {
+        0: "each from the same start",
+        1: "carried on from left to right",
+        -1: "carried on from right to left",
+    }
+    progress = _Progress(count, f"{_returns(strobes)}, {ways[int(np.sign(carry))]}.")
     if carry:
         for which, points in _carried(system, name, values, x0, keep, carry, options | strobes):
             yield head | progress.told(len(which)), _columns(which, points)
@@ -138,8 +159,12 @@ def section(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
         cycles = (tail[c:] - tail[:-c] for c in range(1, 9) if len(tail) == 32)
         repeats = any(bool((np.abs(off) <= _REPEATS * (1 + np.abs(tail).max(axis=0))).all()) for off in cycles)
         told["finished"] |= repeats or len(points) < size
+        what, hint = (
+            "returns" if by["section"] else "periods",
+            "" if subject.read_only else " Click: start there.",
+        )
         yield (
-            told | {"repeats": repeats},
+            told | {"repeats": repeats, "said": f"{progress.done} {what}{', repeating' * repeats}.{hint}"},
             {"points": np.concatenate([last, points]) if len(last) == 1 else points},
         )
         if told["finished"]:
@@ -168,10 +193,11 @@ def basins(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
         column, row = which // n, which % n
         lowest = (column | row) & -(column | row)
         counts += np.bincount(labels + 3, minlength=256)[:256]
-        yield head | progress.told(len(which)) | {
+        told = head | progress.told(len(which)) | {
             "failed": int(counts[1]), "unsettled": int(counts[2]),
             "cycles": [_told(orbit, int(k)) for orbit, k in zip(attractors, counts[3:])],
-        }, {
+        }  # fmt: skip
+        yield told | {"said": _basins_said(told)}, {
             "cell": (row * n + column).astype(np.int32), "label": (labels + 3).astype(np.uint8),
             "step": np.where(lowest == 0, _COARSEST, np.minimum(lowest, _COARSEST)).astype(np.uint8),
         }  # fmt: skip
@@ -216,6 +242,7 @@ def noise(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
     names = [str(n) for n in checks.several(asked.get("names", ()), "`names`")]
     seed = checks.exact_integer(asked.get("seed", 0), "`seed`")
     times, progress = _instants(subject.noise, span), _Progress(_PATHS)
+    total = np.zeros((len(names), len(times)))
     for k in range(_PATHS):
         run = subject.scene.solve(
             span, x0, parameters=p, noise=replace(subject.noise, seed=seed, trajectory=k), t_eval=times,
@@ -223,7 +250,13 @@ def noise(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
         )  # fmt: skip
         values = np.full((len(names), len(times)), np.nan)
         values[:, : len(run.t)] = [run[n] for n in names]
-        yield {"kind": "noise", "names": names, "seed": seed} | progress.told(1), {"t": times, "values": values}
+        total += values
+        told = {"kind": "noise", "names": names, "seed": seed} | progress.told(1)
+        paths = f"{k + 1} paths of {str(subject.noise).partition(', seed')[0]}"
+        yield (
+            told | {"said": f"{paths}, and their mean; blue: without noise."},
+            {"t": times, "values": values, "mean": total / (k + 1)},
+        )
 
 
 def _instants(noise: Any, span: tuple[float, float]) -> np.ndarray:
@@ -243,6 +276,18 @@ def _told(orbit: Any, cells: int) -> dict[str, Any]:
         "period": orbit.map.count, "time": float(orbit.period), "x": [float(v) for v in orbit.x], "cells": cells,
         "multipliers": [[float(m.real), float(m.imag)] for m in orbit.multipliers[:4]],
     }  # fmt: skip
+
+
+def _basins_said(told: Mapping[str, Any]) -> str:
+    sizes = [math.hypot(*next(iter(c["multipliers"]), (0.0, 0.0))) for c in told["cycles"]]
+    said = [
+        f"{k}: period {c['period']}, |multiplier| {size:.3f}"
+        for k, (c, size) in enumerate(zip(told["cycles"], sizes), 1)
+    ]
+    said += [f"{told[what]} {what}" for what in ("unsettled", "failed") if told[what]]
+    if not told["finished"]:
+        said.append(f"{100 * told['done'] // told['of']} %, paler: foreseen")
+    return "; ".join(said)
 
 
 JOBS = {"diagram": diagram, "basins": basins, "section": section, "noise": noise}

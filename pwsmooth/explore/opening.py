@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import base64
 import importlib.util
-import json
 import re
 import sys
 import webbrowser
@@ -23,6 +21,7 @@ from .export import standalone
 from .live import state_of
 from .presets import PRESETS, as_asked, preset_of, subject_of_preset, with_preset, with_ranges
 from .processes import SHOWN
+from .state import decoded
 from .subject import USUAL, Made, Subject, named_subject, subject_of, subject_of_study
 
 __all__ = ["explore"]
@@ -223,11 +222,9 @@ def listing() -> str:
 def stated(subject: Subject, state: str) -> Subject:
     """The subject in the state of a link; ValueError where it has no such names."""
     try:
-        asked = json.loads(base64.urlsafe_b64decode(state + "=" * (-len(state) % 4)))
+        asked = decoded(state)
     except ValueError:  # also of text that is no UTF-8
-        asked = None
-    if not isinstance(asked, dict):
-        raise ValueError("`--state` is no state; give what `Copy link` shows.")
+        raise ValueError("`--state` is no state; give what `Copy link` shows.") from None
     subject = as_asked(subject, asked)
     p, x0, span = state_of(subject, asked)
     return replace(subject, system=subject.system.with_parameters(p), start=x0, t_span=span)

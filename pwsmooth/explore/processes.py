@@ -7,6 +7,7 @@ started anew, and the page is told.
 from __future__ import annotations
 
 import contextlib
+import functools
 import json
 import multiprocessing
 import threading
@@ -17,6 +18,7 @@ from typing import Any
 from . import worker
 from .describe import LIMITS
 from .frames import pack
+from .state import UNREAD, decoded
 from .subject import Subject
 
 _GRACE = 2.0  # a process that is so many limits late is ended
@@ -62,14 +64,28 @@ class Process:
 class Workers:
     """The processes of one page; `heard(frame)` is called in their readers' threads."""
 
-    def __init__(self, subject: Subject, heard: Callable[[bytes], None]) -> None:
+    def __init__(self, subject: Subject, heard: Callable[[bytes], None], link: str = "") -> None:
         self.subject, self.heard = subject, heard
-        self.ready, self.over = False, False
-        self.view: Mapping[str, Any] = {}  # the message that asked for another one
+        self.ready, self.over, told = False, False, ""
+        self.view: Mapping[str, Any] = {}  # the state, or the message that asked for another law or view
+        try:
+            self.view = self._allowed({"kind": "view", **decoded(link)}) if link else {}
+        except ValueError:  # also of text that is no UTF-8
+            told = UNREAD
         self.state: dict[str, Any] = {}  # the last that was asked for
         self.maps: Process | None = None
         self._lock = threading.Lock()
-        self.live = Process(worker.live, subject, self._from_live)
+        self._start_live(told)
+
+    def _start_live(self, told: str = "") -> None:
+        begin = functools.partial(worker.live, asked=self.view, told=told)
+        self.live = Process(begin, self.subject, self._from_live)
+
+    def _allowed(self, message: Mapping[str, Any]) -> Mapping[str, Any]:
+        """A message without what a page that looks only does not choose."""
+        if self.subject.read_only:
+            return {key: value for key, value in message.items() if key not in _STATE}
+        return message
 
     def _from_live(self, frame: bytes) -> None:
         if not self.ready and b'"kind":"ready"' in frame[:100]:
@@ -87,8 +103,7 @@ class Workers:
 
     def message(self, message: Mapping[str, Any]) -> None:
         """Hand what a page says to the process that answers it."""
-        if self.subject.read_only:
-            message = {key: value for key, value in message.items() if key not in _STATE}
+        message = self._allowed(message)
         kind = message.get("kind")
         if kind in _OF_MAPS:
             if (maps := self._start_maps()) is not None:
@@ -108,12 +123,12 @@ class Workers:
         dead = not self.live.process.is_alive()
         if self.over or not (dead or (self.ready and asked is not None and time.monotonic() - asked > limit)):
             return
-        old, self.ready, self.view = self.live, False, {}
+        old, self.ready = self.live, False
         old.end()
         why = "ended by itself" if dead else f"did not answer within {limit:g} s, the limit of a picture,"
         said = f"The process of the sliders {why} and was started anew; take a shorter span."
         self.heard(pack({"kind": "killed", "why": said}))
-        self.live = Process(worker.live, self.subject, self._from_live)
+        self._start_live()
 
     def end(self) -> None:
         """End both."""

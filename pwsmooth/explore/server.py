@@ -25,10 +25,9 @@ from .subject import Subject
 LONGEST = 16_384  # bytes of a message from a page
 PAGES = 4
 _FILES = {
-    "/": ("index.html", "text/html"), "/main.js": ("main.js", "text/javascript"),
-    "/explorer.js": ("explorer.js", "text/javascript"),
-    "/plot.js": ("plot.js", "text/javascript"), "/views.js": ("views.js", "text/javascript"),
-    "/style.css": ("style.css", "text/css"), "/icon.svg": ("icon.svg", "image/svg+xml"),
+    "/": ("index.html", "text/html"), "/style.css": ("style.css", "text/css"),
+    "/icon.svg": ("icon.svg", "image/svg+xml"),
+    **{f"/{name}": (name, "text/javascript") for name in ("main.js", "explorer.js", "views.js", "plot.js")},
 }  # fmt: skip
 _HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
@@ -41,11 +40,11 @@ _HEADERS = {
 class Page:
     """One socket with its two processes."""
 
-    def __init__(self, server: Server, socket: Any) -> None:
+    def __init__(self, server: Server, socket: Any, link: str) -> None:
         self.server, self.socket = server, socket
         self.loop = asyncio.get_running_loop()
         self.out: asyncio.Queue[bytes] = asyncio.Queue()
-        self.workers = Workers(server.subject, self._put)
+        self.workers = Workers(server.subject, self._put, link)
 
     def _put(self, frame: bytes) -> None:
         with contextlib.suppress(RuntimeError):  # the loop has ended
@@ -167,16 +166,18 @@ class Server:
 
         try:
             first = json.loads(await asyncio.wait_for(socket.recv(), 10))
-            token = first.get("token", "") if isinstance(first, dict) else ""
+            token, link = (
+                (first.get(key, "") for key in ("token", "state")) if isinstance(first, dict) else ("", "")
+            )
         except (ValueError, RecursionError, TimeoutError, ConnectionClosed):
-            token = ""
+            token = link = ""
         if not (isinstance(token, str) and hmac.compare_digest(token.encode(), self.token.encode())):
             await socket.close(4403, "the token is not that of this explorer")
             return
         if len(self.pages) >= PAGES:
             await socket.close(4429, f"{PAGES} pages are open, the most; close one")
             return
-        page = Page(self, socket)
+        page = Page(self, socket, link if isinstance(link, str) else "")
         self.pages.add(page)
         try:
             with contextlib.suppress(ConnectionClosed):

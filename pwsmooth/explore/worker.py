@@ -11,23 +11,28 @@ import json
 import math
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
+from ..definition import checks
 from .describe import LIMITS, describe
 from .frames import pack
+from .state import first_state, restored
 from .subject import Subject
 
 
-def live(pipe: Any, subject: Subject) -> None:
-    """Answers "orbit", "layer", "sentence", "code" and "view"."""
+def live(pipe: Any, subject: Subject, asked: Mapping[str, Any], told: str = "") -> None:
+    """Answers "orbit", "layer", "sentence", "code" and "view"; begins with the state `asked` for, and what is told."""
     from .code import script
-    from .presets import as_asked
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server says when it is over
-    current = _opened(subject, pipe)
+    try:
+        current = _opened(subject, asked, pipe, told)
+    except (ValueError, TypeError, KeyError) as error:  # no such law or view
+        own = {"view": "", "law": "", "values": {}}
+        current = _opened(subject, {**asked, **own}, pipe, str(error.args[0] if error.args else error))
     pipe.send_bytes(pack({"kind": "ready"}))
     for message in _newest(pipe):
         kind = message.get("kind")
@@ -41,7 +46,7 @@ def live(pipe: Any, subject: Subject) -> None:
             elif kind == "code":
                 header, arrays = {"kind": "code", "text": script(current.subject, message)}, {}
             elif kind == "view":
-                current = _opened(as_asked(subject, message), pipe)
+                current = _opened(subject, message, pipe)
                 continue
             else:
                 header, arrays = {"kind": "pong"}, {}
@@ -51,16 +56,27 @@ def live(pipe: Any, subject: Subject) -> None:
             pipe.send_bytes(pack({**header, "seq": message.get("seq", 0), "to": kind}, arrays))
 
 
-def _opened(subject: Subject, pipe: Any) -> Any:
-    """Live of a subject, compiled, whose scene the page has been told."""
+def _opened(subject: Subject, asked: Mapping[str, Any], pipe: Any, told: str = "") -> Any:
+    """Live of a subject with the law and in the view `asked` for, compiled; the page is told its scene and state."""
     from .live import Live
+    from .presets import as_asked
 
+    subject = as_asked(subject, asked)
     current, known = Live(subject), describe(subject)
     names = [*known["states"][:8], *known["outputs"][:8], *known["characteristic"]]
     current.orbit({"names": names, "phase": known["phase"]})  # compiles, or loads what was compiled
     for name in known["switches"][:1]:
         current.layer({"switch": name, "t": subject.t_span[0]})
-    pipe.send_bytes(pack({"kind": "scene", **describe(subject, current.solution)}))
+    known = describe(subject, current.solution, asked.get("view"))
+    own = first_state(known, {})
+    known["own"] = {key: own[key] for key in ("p", "x0", "t_span")}
+    if asked.get("turned") == "law":  # what moves is the same, what is of the law begins anew
+        x0 = checks.mapping(asked.get("x0", {}), "`x0`")
+        asked = {**asked, "x0": {n: v for n, v in x0.items() if n in subject.moving}}
+    known["state"], left = restored(known, asked)
+    if left and not asked.get("turned"):
+        told = f"Not of this system, and left out: {', '.join(left)}."
+    pipe.send_bytes(pack({"kind": "scene", **known, "told": told}))
     return current
 
 
@@ -106,7 +122,7 @@ class _Jobs:
 
     def hear(self, message: dict[str, Any]) -> None:
         """Begin what is asked for, in the place of what ran of its kind."""
-        from .code import figure
+        from .code import TYPES, figure
         from .maps import JOBS
         from .presets import as_asked
 
@@ -118,9 +134,12 @@ class _Jobs:
             elif kind == "view":
                 self.subject = as_asked(self.own, message)
             elif kind == "figure":
-                picture = np.frombuffer(figure(self.subject, message), np.uint8)
+                ending, picture = (
+                    message.get("format", "png"),
+                    np.frombuffer(figure(self.subject, message), np.uint8),
+                )
                 self.pipe.send_bytes(
-                    pack({"kind": kind, "format": message.get("format", "png")}, {"file": picture})
+                    pack({"kind": kind, "name": f"explore.{ending}", "type": TYPES[ending]}, {"file": picture})
                 )
             elif kind in JOBS:
                 self.end(kind)
