@@ -182,6 +182,7 @@ class Together(Bundle):
     J: "f8[discs, discs]"  # dG/dlambda
     left: "f8[discs, discs]"  # of it, behind some pivots
     lam: "f8[discs]"
+    strength: "f8[discs]"
     goal: "f8[discs]"
     change: "f8[discs]"
     matrix: "f8[2*discs + 1, 2*discs + 2]"

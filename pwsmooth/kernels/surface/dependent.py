@@ -122,6 +122,23 @@ def largest_lambda(W):
 
 
 @kernel
+def _find_strengths(W):
+    """Overwrites together.strength by how strong each lambda acts, to a common factor: J = -S strength, S symmetric."""
+    group, q = W.together, W.together.size
+    for i in range(q):
+        group.strength[i] = 1.0 if i == 0 else 0.0
+    for _ in range(q - 1):
+        known, new, most = 0, 0, -1.0
+        for i in range(q):
+            for k in range(q):
+                both = min(abs(group.J[i, k]), abs(group.J[k, i]))
+                if group.strength[i] != 0.0 and group.strength[k] == 0.0 and both > most:
+                    known, new, most = i, k, both
+        ratio = abs(group.J[known, new] / group.J[new, known]) if most > 0.0 else 1.0
+        group.strength[new] = group.strength[known] * ratio
+
+
+@kernel
 def least_load(P, S, W, rank):
     """Overwrites together.lam by the lambda with G = 0, by slopes in together.J, whose largest |lambda_k| is least, to
     the end of the path of centres to it; returns a bound of all |lambda_k|, inf if there is none.
@@ -146,6 +163,7 @@ def least_load(P, S, W, rank):
         lam[i] = 0.0
         for r in range(rank):
             lam[i] += group.J[order[r], i] * A[r, rank]
+    _find_strengths(W)
     s = 1.5 * largest_lambda(W)
     if s == 0.0:
         return 0.0
@@ -201,6 +219,7 @@ def least_load(P, S, W, rank):
                     group.move[group.comp[i]] = 0.0
                     for r in range(rank):
                         group.move[group.comp[i]] -= group.J[order[r], i] * A[q + 1 + r, size] * weight
+                    group.move[group.comp[i]] /= group.strength[i]
             if weight <= last:
                 break
             weight = max(last, _CENTRED * weight)
