@@ -154,7 +154,8 @@ def settle_dependent(P, S, R, W, leaves):
         for r in range(i, i + d):
             k = group.comp[r]
             S.status[k], S.deflate[k] = 1, 0
-            group.move[k] = group.move[k] if slips and leaves else 0.0
+            # Of bodies that begin to move with an acceleration it says how.
+            group.move[k] = 0.0 if not slips else group.move[k] if leaves else group.g[r]
             if slips:
                 S.mult[k] /= size
             else:

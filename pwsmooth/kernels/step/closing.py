@@ -10,6 +10,7 @@ import math
 
 from ..machine.compiling import kernel
 from ..machine.pointers import call_fields, call_newton
+from ..state import DISC
 from ..surface.pair import DEGREE, STAGES, errors, interpolant, stage_point
 from ..surface.sliding import INSIDE, mask_solved
 from .recording import keep_dense, sample
@@ -20,6 +21,7 @@ _STRAIGHT = 1e-6  # of the angle off the direction in which it ends
 _BENT = 1e-9  # of n.G, what that takes from it
 _STEADY = 0.1  # tolerances of h: what the change of n.G on the rest of the way is worth
 _PASSED = 0.5
+_GONE = 1e-8  # of |h|^2 of another disc: what is left of it at most where it comes to rest with this one
 FARTHEST = 100.0  # of log(r/r1), where a stage of a step too long may be
 MOST, MOST_KEPT = 1000, 200  # steps, and where states on the way may be asked for
 _LOG, _TIME, _X = 3, 4, 5  # places behind n
@@ -151,16 +153,26 @@ def _leave_step(P, C, S, R, W, j, size, step):
 @kernel
 def _rest_of_line(P, C, S, R, W, j, left, leaves):
     """Moves S by a time in which h falls to 0 along a line: the rates change in proportion to it."""
-    first, start = W.closing_new, W.closing_look
+    first, start, before = W.closing_new, W.closing_look, W.closing_end
     for i in range(P.m):
-        W.step.mult[i] = S.mult[i]
+        W.step.mult[i], before[i] = S.mult[i], W.h[i]
     for i in range(P.n):
         first[i], start[i] = W.dx[i], S.x[i]
         S.x[i] += left * W.dx[i]
     t, S.t = S.t, S.t + left
+    # Discs that come to rest with it keep their direction: at the end h/|h| is a quotient of roundings.
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    for k in range(P.m):
+        if P.kind[k] == DISC and S.status[k] == 1 and k != j and W.h[k] <= _GONE * before[k]:
+            S.mult[k] = INSIDE
+            for i in range(k + 1, k + 1 + P.dim[k]):
+                S.mult[i] = before[i] / math.sqrt(before[k])
     if W.layer.masked:
         call_newton(P.newton_unit, P, S, W)
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    for k in range(P.m):
+        if P.kind[k] == DISC and S.status[k] == 1 and k != j:
+            S.mult[k] = 1.0
     W.step.length = left
     if leaves:
         _clear(P, S, W)

@@ -160,7 +160,10 @@ def _guess(P, S, W, h):
     """Overwrites onset.y, the states at the nodes: of that motion, with the slip that its residuals make."""
     onset, t0 = W.onset, S.t
     if onset.as_one:
-        _guess_as_one(P, S, W, h)
+        if onset.rests:
+            _guess_as_one(P, S, W, h)
+        else:
+            _guess_path(P, S, W, h)
         return
     _guess_path(P, S, W, h)
     for q in range(STAGES):
@@ -416,7 +419,7 @@ def onset(P, C, S, W, longest):
             for k in range(j + 1, j + 1 + P.dim[j]):
                 start.level[k] = 0.0
     start.rests = 1 if fastest <= _AT_REST * size else 0
-    start.as_one = 1 if start.rests and not start.goes_on and gather_leaving(P, S, W) else 0
+    start.as_one = 1 if not start.goes_on and gather_leaving(P, S, W) else 0
     h = longest
     if start.rests and not start.goes_on:
         ahead = _AHEAD * longest
