@@ -39,7 +39,7 @@ _MOVED = 1e-12  # of G, above which something acts
 _SAME = 1e-9  # of lambda: by less the force of a stick has not jumped
 _LOOK = 1e-6  # of time, ahead
 _NUDGE = 1e-4  # of lambda, from a root that repels
-_STILL = 10.0  # tolerances of h: what may be left of a slip where another one has come to rest
+_STILL = 100.0  # tolerances of h: what may be left of a slip where another one has come to rest, as in step/resting.py
 
 
 @kernel

@@ -24,6 +24,7 @@ from .tables import STAGES
 
 _LEGENDRE = np.polynomial.legendre
 _TRIES, _SWEEPS, _PICARD = 40, 16, 3
+_PROJECTIONS = 50  # of several discs, one after the other
 _CHORD = 0.05  # of the change before: by less a sweep serves with the slopes that it has
 _STIFF = 1.0 / 18.0  # of 1/(d|lambda|/dt): later the series of the direction diverges before it is good
 _AHEAD = 1e-3  # of the longest step: where it is looked at how fast lambda passes its bound
@@ -146,10 +147,12 @@ def _guess_as_one(P, S, W, h):
             way += h * WEIGHTS[q, r] * onset.rate[r, 0]
         for j in range(P.m):
             onset.goal[j] = onset.toward[q, j]
-        for _ in range(_SWEEPS):  # none of these surfaces can be moved without the others
+        for _ in range(_PROJECTIONS):  # none of these surfaces can be moved without the others
             for j in range(P.m):
                 if begins(P, S, j):
                     put_in_slip(P, S, j, way, onset.goal, W)
+                elif P.kind[j] == DISC and S.status[j] == SOLVED:
+                    put_in_slip(P, S, j, 0.0, onset.goal, W)
         for i in range(P.n):
             onset.y[q, i] = S.x[i]
     S.t = t0
