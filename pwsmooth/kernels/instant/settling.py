@@ -1,5 +1,7 @@
 """Settling switches and contacts that are on their surfaces: what the start, resets and accumulation points share."""
 
+import math
+
 from ..machine.compiling import kernel
 from ..machine.pointers import call_layer_unit, call_newton, call_others
 from ..outcome import Outcome
@@ -32,6 +34,8 @@ from .holding import (
     some_second_order,
 )
 from .surface_rates import any_is, evaluate_surfaces, order_of_leaving, residual
+
+_SAME = 1e-9  # of lambda: by less a slide is at its bound
 
 
 @kernel
@@ -182,6 +186,10 @@ def resettle(P, S, R, W):
         if S.status[j] != SOLVED or P.kind[j] != SLIDING:
             continue
         lam = S.mult[j]
+        if abs(lam) > 1.0 + _SAME:
+            # What has settled before has solved for it as well, and left it beyond its bound.
+            lam = S.mult[j] = math.copysign(1.0, lam)
+            known = False
         if not known:
             residual(P, S, W, j, lam)
             known = True

@@ -381,6 +381,13 @@ def _misfit(P, C, S, W, h):
         if not defect < math.inf:
             return math.inf
         worst = max(worst, defect)
+    # What other sticks hold with decides when they end.
+    for j in range(P.m):
+        if S.status[j] == SOLVED:
+            value = rows[n + j, STAGES]
+            for c in range(STAGES - 1, -1, -1):
+                value = value * s + rows[n + j, c]
+            worst = max(worst, abs(value - S.mult[j]) / (_DEFECT * C.rtol * (1.0 + abs(value))))
     return worst
 
 
