@@ -381,9 +381,9 @@ def _misfit(P, C, S, W, h):
         if not defect < math.inf:
             return math.inf
         worst = max(worst, defect)
-    # What other sticks hold with decides when they end.
+    # What other sticks hold with decides when they end; that of one body is not unique until its motion says it.
     for j in range(P.m):
-        if S.status[j] == SOLVED:
+        if S.status[j] == SOLVED and W.onset.as_one == 0:
             value = rows[n + j, STAGES]
             for c in range(STAGES - 1, -1, -1):
                 value = value * s + rows[n + j, c]
