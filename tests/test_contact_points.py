@@ -59,7 +59,9 @@ def test_a_body_turns_about_the_point_that_holds():
     """The right one of two points carries F/2 + M and gives way at 1/2; about the left one it turns then."""
     solution = solve(body(TWO, (0, t / 2, sp.Rational(2, 5))), (0, 2), [0] * 6, rtol=1e-11, atol=1e-13)
     (event,) = solution.events
-    assert (event.switch, event.kind) == ("lam1", "slip by tangency") and event.time == pytest.approx(1.2, abs=1e-11)
+    assert (event.switch, event.kind) == ("lam1", "slip by tangency") and event.time == pytest.approx(
+        1.2, abs=1e-11
+    )
     angle, speeds = solution.x[2, -1], solution.x[3:, -1]
     left = -np.array([np.cos(angle), np.sin(angle)])
     assert speeds[2] > 0.1
@@ -94,7 +96,9 @@ def test_random_bodies_beside_their_smoothed_view(seed):
     random = np.random.default_rng([11, seed])
     count = int(random.integers(2, 6))
     points, strengths = random.normal(size=(count, 2)), random.uniform(0.2, 2, count) / count
-    waves = [sp.Float(p) * sp.sin(sp.Float(q) * t + sp.Float(r)) for p, q, r in random.uniform(0.5, 1.5, (3, 3))]
+    waves = [
+        sp.Float(p) * sp.sin(sp.Float(q) * t + sp.Float(r)) for p, q, r in random.uniform(0.5, 1.5, (3, 3))
+    ]
     system = body(points.tolist(), waves, strengths.tolist(), float(random.uniform(0.3, 1.5)))
     start = [0, 0, 0, *random.normal(size=3)]
     exact = solve(system, (0, 6), start, max_steps=20_000)

@@ -104,7 +104,10 @@ def ambiguities_in_words(model: Model, times: np.ndarray, records: np.ndarray) -
             "chattering within atol",
             ("on the surface, as on average", "to and fro, ever more often"),
         ),
-        names.AMB_FORCES: ("multipliers not unique", ("the largest as small as it can be", "others of the same sum")),
+        names.AMB_FORCES: (
+            "multipliers not unique",
+            ("the largest as small as it can be", "others of the same sum"),
+        ),
         names.AMB_NEAR_MISS: ("near miss", ("stick", "slip on, as every motion beside this one")),
     }
     found = []

@@ -23,7 +23,8 @@ from ..work import Work
 from .tables import STAGES
 
 _LEGENDRE = np.polynomial.legendre
-_TRIES, _SWEEPS, _PICARD = 40, 16, 3
+_TRIES, _SWEEPS, _PICARD = 40, 24, 3
+_DAMPED = 0.7  # of the way: by how much Newton's method changes it at most, lest it turns
 _PROJECTIONS = 50  # of several discs, one after the other
 _CHORD = 0.05  # of the change before: by less a sweep serves with the slopes that it has
 _STIFF = 1.0 / 18.0  # of 1/(d|lambda|/dt): later the series of the direction diverges before it is good
@@ -310,9 +311,12 @@ def _solve(P, C, S, W, t, h):
                 way = abs(onset.y[q, i] - onset.x[i]) + 10.0 * C.atol[i]
                 if onset.still[i] == 0:
                     change = max(change, (abs(step) - 4e-15 * abs(onset.y[q, i])) / way)
-                onset.y[q, i] += step
                 total += step
-        if not abs(total) < math.inf or (anew and sweep > 5 and change > before):
+        share = min(1.0, _DAMPED / change) if anew else 1.0
+        for q in range(STAGES):
+            for i in range(n):
+                onset.y[q, i] += share * onset.change[q * n + i]
+        if not abs(total) < math.inf or (anew and sweep > 12 and change > before):
             return False
         if change <= 1e-12 or (sweep > 2 and change <= _ALIKE and change > 0.5 * before):
             return True
