@@ -44,8 +44,7 @@ def test_turning_ends_as_of_a_moment(points, lever):
 
 @pytest.mark.parametrize(("place", "way"), [(0, 0.25), (1, 0.25), (2, 0.25 / INERTIA)])
 def test_a_load_that_grows_moves_it_as_one(place, way):
-    """Force along and across the line of two points, moment about their middle: all hold 1, and what moves is the excess
-    t/2 - 1."""
+    """Force along and across the line of two points, moment about their middle: they hold 1, and t/2 - 1 moves."""
     load = [0, 0, 0]
     load[place] = t / 2
     solution = solve(body(TWO, load), (0, 3), [0] * 6)

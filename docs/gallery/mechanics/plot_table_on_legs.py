@@ -9,9 +9,9 @@ A table is pushed to and fro at a corner. Each leg rubs with a quarter of the we
     m\,\ddot x = F_x(t) - \tfrac14\mu m g\sum_k \lambda_{k,x}, \qquad
     I\,\ddot\varphi = M(t) - \tfrac14\mu m g\sum_k r_k\times\lambda_k,
 
-with :math:`\lambda_k` in its disc, along the velocity of leg *k* where it slips. **When does it slip, and about which point
-does it turn?** The eight forces hold more than the three motions of the table, so that nobody can say what they are while it
-rests; the motion is unique, and ends exactly at rest.
+with :math:`\lambda_k` in its disc, along the velocity of leg *k* where it slips. **When does it slip, and does it walk?**
+The eight forces hold more than the three motions of the table, so that nobody can say what they are while it rests; the
+motion is unique, and ends exactly at rest.
 """
 
 # %%
@@ -40,8 +40,8 @@ for event in run.events[:8]:
     print(event)
 
 # %%
-# Left, where the middle and the legs go, and the table at rest; right, the speeds of the legs, zero together where the
-# table rests.
+# Left, where the middle and the legs go, and the table at first and at last: the steady part of the push lets it walk.
+# Right, the speeds of the legs, zero together where the table rests.
 times = np.linspace(0, run.t[-1], 4000)
 states = run(times)
 turn = np.exp(1j * states[2])
@@ -64,5 +64,5 @@ right.legend(fontsize=7)
 plt.show()
 
 # %%
-# At rest nothing creeps: the largest speed of a leg in the first half second, and the least load under which it gives way.
+# At rest nothing creeps: the largest speed of a leg in the first half second, and when the table gives way.
 print(f"{max(speed[times < 0.5].max() for speed in speeds):.0e} m/s, gives way at t = {run.events[0].time:.9f}")
