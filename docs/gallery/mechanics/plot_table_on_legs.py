@@ -9,7 +9,7 @@ A table is pushed to and fro at a corner. Each leg rubs with a quarter of the we
     m\,\ddot x = F_x(t) - \tfrac14\mu m g\sum_k \lambda_{k,x}, \qquad
     I\,\ddot\varphi = M(t) - \tfrac14\mu m g\sum_k r_k\times\lambda_k,
 
-with :math:`\lambda_k` in its disc, along the velocity of leg *k* where it slips. **When does it slip, and does it walk?**
+with :math:`\lambda_k` in its disc, along the velocity of leg *k* where it slips. **When does it slip? Does it walk?**
 The eight forces hold more than the three motions of the table, so that nobody can say what they are while it rests; the
 motion is unique, and ends exactly at rest.
 """
