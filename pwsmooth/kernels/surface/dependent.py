@@ -11,12 +11,8 @@ from .vector import begins
 
 _DELTA = 1e-4  # of lambda
 _DEPENDS = 1e-9  # of the largest pivot: what is left of a surface that the others determine
-_CENTRED, _GAP, _ITERATIONS = (
-    0.25,
-    1e-13,
-    200,
-)  # of the interior-point method: how fast its weight falls, and to what
-_DUAL = 1e-7  # of it: where the dual variables are known well
+# Of the interior-point method: how fast its weight falls, to what, and where its dual variables are known well.
+_CENTRED, _GAP, _DUAL, _ITERATIONS = 0.25, 1e-13, 1e-7, 200
 _CORNER = 1e-9  # of the largest square of a row of J: of less it is not made
 
 
