@@ -733,6 +733,26 @@ def test_spinning_disc_page_ends_where_force_and_moment_fall_alike():
     assert names["grips"] == pytest.approx(9.81 / 0.5 * np.hypot(1, names["arms"] / 0.02), abs=1e-7)
 
 
+def test_table_on_legs_goes_as_legs_that_creep_a_little():
+    """Against SciPy on friction that is steep in the velocity, and against rest."""
+    names = page("table_on_legs")
+    legs, inertia, run, eps = names["LEGS"] @ [1, 1j], names["INERTIA"], names["run"], 1e-5
+
+    def rates(time, q):
+        arms = legs * np.exp(1j * q[2])
+        slip = q[3] + 1j * q[4] + 1j * q[5] * arms
+        friction = slip / np.sqrt(eps**2 + np.abs(slip) ** 2)
+        force = 4.5 * np.sin(time) + 0.5j - friction.sum()
+        moment = -0.8 * np.sin(time) - (arms.conj() * friction).imag.sum()
+        return [*q[3:], force.real, force.imag, moment / inertia]
+
+    with np.errstate(over="ignore"):  # of steps in the differences of SciPy's Jacobian
+        smooth = solve_ivp(rates, (0, run.t[-1]), np.zeros(6), method="Radau", rtol=1e-8, atol=1e-10)
+    assert smooth.y[:3, -1] == pytest.approx(run.x[:3, -1], abs=5e-4)
+    assert len(run.events) == 32 and len(run.ambiguities) >= 1
+    assert np.abs(run.x[3:, -1]).max() < 1e-12
+
+
 def test_a_light_block_follows_on_the_tractrix_and_the_cue_ball_stands_where_its_parabola_ends():
     names = page("corner_and_ball")
     assert names["misses"][1e-3] < np.sqrt(1e-3) < names["misses"][0.1]
