@@ -84,7 +84,7 @@ def block_train(
 
     Notes
     -----
-    With `record=Recorder()`, or from 1000 blocks on, an event costs its neighbourhood (`VelocityWeakening`, `Coulomb`,
+    With a `Recorder`, or from 1000 blocks on, an event costs its neighbourhood (`VelocityWeakening`, `Coulomb`,
     `StaticKinetic`, ...); `solution.catalogue.avalanches(drift=pull)` are the earthquakes.
 
     Source: Burridge, Knopoff, Bull. Seismol. Soc. Am. 57 (1967) 341-371.

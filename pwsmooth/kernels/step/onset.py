@@ -32,6 +32,7 @@ _AHEAD = 1e-3  # of the longest step: where it is looked at how fast lambda pass
 _AT_REST = 1e-7  # of the accelerations: a slip that begins with less begins with none
 _ALIKE = 1e-8  # of the way since the start: what Newton's method is content with where it comes no nearer
 _LEFT = 0.1  # of |h|, that a first guess keeps
+_HELD = 1e-10  # of the multipliers of other sticks: roundings of a direction are no less
 _DEFECT = 10.0  # tolerances: that of the polynomial, whose order is half of that of the step's end
 
 
@@ -349,6 +350,16 @@ def _polynomials(P, S, W, h):
             scale /= h
     for j in range(m):
         rows[n + j, 0] = onset.mult[j]
+        if S.status[j] == SOLVED:
+            rows[n + j, 0] = 0.0
+    # What other sticks hold with as the slip begins: that of the start is of before it.
+    for q in range(STAGES if onset.solves else 0):
+        for i in range(n):
+            S.x[i] = onset.y[q, i]
+        _rates(P, S, W, S.t + NODES[q] * h)
+        for j in range(m):
+            if S.status[j] == SOLVED:
+                rows[n + j, 0] += LAGRANGE[0, q] * S.mult[j]
     for i in range(m + P.ne):
         rows[n + m + i, 0] = onset.level[i]
     # Of what is no state the values at the nodes, less that at the start, over the time since: one order less.
@@ -391,7 +402,7 @@ def _misfit(P, C, S, W, h):
             value = rows[n + j, STAGES]
             for c in range(STAGES - 1, -1, -1):
                 value = value * s + rows[n + j, c]
-            worst = max(worst, abs(value - S.mult[j]) / (_DEFECT * C.rtol * (1.0 + abs(value))))
+            worst = max(worst, abs(value - S.mult[j]) / (_DEFECT * max(C.rtol, _HELD) * (1.0 + abs(value))))
     return worst
 
 
@@ -411,12 +422,13 @@ def onset(P, C, S, W, longest):
     for i in range(n):
         start.x[i], start.still[i] = S.x[i], 0
     for j in range(P.m):
-        start.mult[j] = S.mult[j]
         if S.status[j] == SOLVED:
             start.solves = 1
             if P.surface_state[j] >= 0:
                 start.still[P.surface_state[j]] = 1
-    call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    _rates(P, S, W, t)
+    for j in range(P.m):
+        start.mult[j] = S.mult[j]
     for i in range(P.m + P.ne):
         start.level[i] = W.h[i]
     for i in range(n):
