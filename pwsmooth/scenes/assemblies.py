@@ -85,7 +85,7 @@ def block_train(
     Notes
     -----
     With a `Recorder`, or from 1000 blocks on, an event costs its neighbourhood (`VelocityWeakening`, `Coulomb`,
-    `StaticKinetic`, ...); `solution.catalogue.avalanches(drift=pull)` are the earthquakes.
+    `StaticKinetic`, ...); the `avalanches` of the catalogue are the earthquakes, with the pull as their `drift`.
 
     Source: Burridge, Knopoff, Bull. Seismol. Soc. Am. 57 (1967) 341-371.
 
