@@ -350,3 +350,16 @@ def test_a_disc_and_a_switch_at_rest_are_settled_together():
         solution = solve(system, (0, 1), [0] * 6, parameters=dict(zip((pull, drive), given, strict=True)))
         assert solution.success and not solution.events and not solution.ambiguities
         assert np.allclose(solution.x[[3, 5], -1], speeds, atol=1e-12)
+
+
+def test_a_slip_begins_where_the_sticks_beside_it_hold_as_they_will():
+    """A block that is pulled askew off a plate which its friction and the ground hold: at once as in closed form."""
+    x, y, u, vx, vy, w = sp.symbols("x y u v_x v_y w", real=True)
+    lam, s = Disc("lam", (vx - w, vy)), Switch("s", w)
+    rates = {x: vx, y: vy, u: w, vx: -0.9 - lam[0], vy: -0.9 - lam[1], w: 1.8 + lam[0] - 1.5 * s}
+    solution = solve(System(rates), (0, 1), [0] * 6)
+    aslant = np.sqrt(0.5)
+    assert solution.success and not solution.events
+    assert solution["lam_x"][0] == pytest.approx(-aslant, abs=1e-14)
+    assert solution["s"][0] == pytest.approx((1.8 - aslant) / 1.5, abs=1e-14)
+    assert solution.x[3:, -1] == pytest.approx([aslant - 0.9, aslant - 0.9, 0], abs=1e-12)

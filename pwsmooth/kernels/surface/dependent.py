@@ -5,7 +5,7 @@ import math
 from ..machine.compiling import kernel
 from ..machine.pointers import call_fields, call_newton
 from ..state import DISC, SOLVED
-from .sliding import mask_instant
+from .sliding import mask_solved
 from .sparse import link, solve_dense
 from .vector import begins
 
@@ -41,14 +41,15 @@ def gather(P, S, W, j):
 @kernel
 def residuals(P, S, W, q):
     """Overwrites together.g by G of the group at the lambda in S.mult; whatever else is solved follows."""
-    if mask_instant(P, S, W):
-        some = False
-        for i in range(q):
-            W.mask[W.together.comp[i]] = 0
-        for k in range(P.m):
-            some = some or W.mask[k] != 0
-        if some:
-            call_newton(P.newton_unit, P, S, W)
+    mask_solved(P, S, W)
+    for i in range(q):
+        k = W.together.comp[i]
+        W.mask[k] = W.mask[P.disc_of[k]] = 0
+    some = False
+    for k in range(P.m):
+        some = some or W.mask[k] != 0
+    if some:
+        call_newton(P.newton_unit, P, S, W)
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     for i in range(q):
         W.together.g[i] = W.g[W.together.comp[i]]

@@ -3,7 +3,7 @@
 from ..machine.compiling import kernel
 from ..machine.pointers import call_fields, call_linear, call_newton
 from ..state import DISC, SOLVED
-from .sliding import mask_instant
+from .sliding import mask_solved
 from .sparse import entry
 
 _DELTA = 1e-4  # of lambda
@@ -19,14 +19,14 @@ def begins(P, S, j):
 @kernel
 def push_of_disc(P, S, W, j):
     """The largest component of G of disc j, left in W.g, at the lambda of its components' multipliers."""
-    if mask_instant(P, S, W):
-        some = False
-        for k in range(P.m):
-            if P.disc_of[k] == j:
-                W.mask[k] = 0
-            some = some or W.mask[k] != 0
-        if some:
-            call_newton(P.newton_unit, P, S, W)
+    mask_solved(P, S, W)
+    W.mask[j], some = 0, False
+    for k in range(P.m):
+        if P.disc_of[k] == j:
+            W.mask[k] = 0
+        some = some or W.mask[k] != 0
+    if some:
+        call_newton(P.newton_unit, P, S, W)
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     largest = 0.0
     for k in range(j + 1, j + 1 + P.dim[j]):
