@@ -350,16 +350,6 @@ def _polynomials(P, S, W, h):
             scale /= h
     for j in range(m):
         rows[n + j, 0] = onset.mult[j]
-        if S.status[j] == SOLVED:
-            rows[n + j, 0] = 0.0
-    # What other sticks hold with as the slip begins: that of the start is of before it.
-    for q in range(STAGES if onset.solves else 0):
-        for i in range(n):
-            S.x[i] = onset.y[q, i]
-        _rates(P, S, W, S.t + NODES[q] * h)
-        for j in range(m):
-            if S.status[j] == SOLVED:
-                rows[n + j, 0] += LAGRANGE[0, q] * S.mult[j]
     for i in range(m + P.ne):
         rows[n + m + i, 0] = onset.level[i]
     # Of what is no state the values at the nodes, less that at the start, over the time since: one order less.
@@ -422,13 +412,12 @@ def onset(P, C, S, W, longest):
     for i in range(n):
         start.x[i], start.still[i] = S.x[i], 0
     for j in range(P.m):
+        start.mult[j] = S.mult[j]
         if S.status[j] == SOLVED:
             start.solves = 1
             if P.surface_state[j] >= 0:
                 start.still[P.surface_state[j]] = 1
-    _rates(P, S, W, t)
-    for j in range(P.m):
-        start.mult[j] = S.mult[j]
+    call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     for i in range(P.m + P.ne):
         start.level[i] = W.h[i]
     for i in range(n):
