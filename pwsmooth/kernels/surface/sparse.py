@@ -49,20 +49,28 @@ def link(P, S, W, j):
 
 
 @kernel
+def _pivot(A, i, size, first, width):
+    """Swaps columns [first:width] of row i and of the one from it on with the largest entry in column i; False if 0."""
+    best = i
+    for r in range(i + 1, size):
+        if abs(A[r, i]) > abs(A[best, i]):
+            best = r
+    if not abs(A[best, i]) > 0.0:
+        return False
+    if best != i:
+        for c in range(first, width):
+            A[i, c], A[best, c] = A[best, c], A[i, c]
+    return True
+
+
+@kernel
 def solve_dense(A, size, count):
     """Gaussian elimination with partial pivoting of A[:size, :size + count]; overwrites the right-hand sides that
     stand in the last columns with the solutions; False if singular."""
     width = size + count
     for i in range(size):
-        best = i
-        for r in range(i + 1, size):
-            if abs(A[r, i]) > abs(A[best, i]):
-                best = r
-        if not abs(A[best, i]) > 0.0:
+        if not _pivot(A, i, size, i, width):
             return False
-        if best != i:
-            for c in range(i, width):
-                A[i, c], A[best, c] = A[best, c], A[i, c]
         for r in range(i + 1, size):
             factor = A[r, i] / A[i, i]
             for c in range(i, width):
@@ -83,15 +91,8 @@ def factor_dense(A, size):
     for i in range(size):
         A[i, size] = i
     for i in range(size):
-        best = i
-        for r in range(i + 1, size):
-            if abs(A[r, i]) > abs(A[best, i]):
-                best = r
-        if not abs(A[best, i]) > 0.0:
+        if not _pivot(A, i, size, 0, size + 1):
             return False
-        if best != i:
-            for c in range(size + 1):
-                A[i, c], A[best, c] = A[best, c], A[i, c]
         for r in range(i + 1, size):
             if A[r, i] != 0.0:
                 factor = A[r, i] / A[i, i]
