@@ -19,8 +19,9 @@ of a power law that is cut off at both ends, in a range that is fixed beforehand
 of two levels. Its error is the larger one of that of the likelihood and of what four quarters of the run tell, as
 avalanches follow each other. The first fifth of a run, which knows its start, is left out.
 
-Found: the exponent hardly depends on the weakening. The layer changes it most where it is as slow as a slip: there it
-is larger. This last claim was added after the first results.
+Found: with two levels the exponent hardly depends on the weakening; behind slow layers (beta = 1 and 10) it does, one
+falls and one rises with the rate. The layer changes it most where it is as slow as a slip: there it is larger. This
+last claim was added after the first results.
 
 New, as far as we know: that layers are compared, with the same two levels of force.
 
