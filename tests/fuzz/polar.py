@@ -600,7 +600,7 @@ def run(P, start, t, instants, log, found, margin, steps):
         until = instants[asked]
         if P.events and not armed:
             watched(P, Y, slips, True, until, y, lam, dy, g)
-            armed = g[K + 1] < 0.0
+            level, armed = g[K + 1], g[K + 1] < 0.0
         watched(P, Y, slips, armed, until, y, lam, dy, g)
         sticks = not slips.all()
         if sticks:
@@ -611,8 +611,7 @@ def run(P, start, t, instants, log, found, margin, steps):
             if h < 1e-13:
                 return LOST, Y[N + K], states
             continue
-        watched(P, Y, slips, True, until, y, lam, dy, after)
-        if P.events and not armed and h > 1e-9 and abs(after[K + 1]) < 1e-10:
+        if P.events and not armed and h > 1e-9 and abs(level) < 1e-10:
             # From its level behind an event the motion may be back within a step: it must be seen below.
             watched(P, new, slips, True, until, y, lam, dy, after)
             unpack(P, Y, slips, y, lam)
