@@ -26,6 +26,7 @@ from ..state import (
     SOLVED,
 )
 from ..step.recording import record_ambiguity, record_event
+from ..surface.dependent import put_at_rest
 from ..surface.layer import ARRIVE
 from ..surface.sliding import INSIDE, mask_solved, put_in_slip
 from ..surface.sparse import link, solve_dense
@@ -259,29 +260,37 @@ def _settle_with_others(P, C, S, R, W, jumped):
 
 
 @kernel
-def _arrive_together(P, C, S, W):
-    """Discs that are at rest as well, to the tolerance, where one that they are linked to has come to rest: the points
-    of one body. All are held before any is looked at: what one does depends on that the others rest."""
-    for j in range(P.m):
-        if P.kind[j] != DISC or not W.instant.hit[j] or S.status[j] != 1:
+def _hold_those_at_rest(P, C, S, W, j):
+    """Holds the slipping discs linked to disc j whose |h| is 0 to the tolerance; whether there are any."""
+    some = False
+    link(P, S, W, j + 1)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    for k in range(P.m):
+        if P.kind[k] != DISC or S.status[k] != 1 or begins(P, S, k) or k == j:
             continue
-        link(P, S, W, j + 1)
-        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-        call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
-        some = False
-        for k in range(P.m):
-            if P.kind[k] != DISC or S.status[k] != 1 or begins(P, S, k) or k == j:
-                continue
-            linked, tolerance = False, C.rtol * math.sqrt(W.meeting.widest[k])
-            for i in range(k + 1, k + 1 + P.dim[k]):
-                linked = linked or W.linear.linked[i] != 0
-                for e in range(P.dh_row[i], P.dh_row[i + 1]):
-                    tolerance += abs(W.dh[e]) * C.atol[P.dh_col[e]]
-            if linked and W.h[k] <= (_STILL * tolerance) ** 2:
-                W.instant.hit[k] = some = True
-                hold(P, S, k)
-        if some:
+        linked, tolerance = False, C.rtol * math.sqrt(W.meeting.widest[k])
+        for i in range(k + 1, k + 1 + P.dim[k]):
+            linked = linked or W.linear.linked[i] != 0
+            for e in range(P.dh_row[i], P.dh_row[i + 1]):
+                tolerance += abs(W.dh[e]) * C.atol[P.dh_col[e]]
+        if linked and W.h[k] <= (_STILL * tolerance) ** 2:
+            W.instant.hit[k] = some = True
+            hold(P, S, k)
+    return some
+
+
+@kernel
+def _arrive_together(P, C, S, W):
+    """Discs that are at rest as well where one that they are linked to has come to rest: the points of one body.
+
+    All are held before any is looked at: what one does depends on that the others rest.
+    """
+    for j in range(P.m):
+        if P.kind[j] == DISC and W.instant.hit[j] and S.status[j] == 1 and _hold_those_at_rest(P, C, S, W, j):
             hold(P, S, j)
+            put_at_rest(P, S, W)
+            _hold_those_at_rest(P, C, S, W, j)  # two points at rest leave no other moving
 
 
 @kernel

@@ -19,16 +19,17 @@ from ..surface.dependent import (
     independent,
     largest_lambda,
     least_load,
+    put_at_rest,
     slopes_of_group,
     square_of_disc,
 )
-from ..surface.sliding import INSIDE, mask_solved, put_in_slip
+from ..surface.sliding import INSIDE, mask_solved
 from ..surface.sparse import solve_dense
 
 _ALIKE = 1e-12  # of G
 _FULL = 1e-12  # of the balls: with less left the body begins to move
 _TURNS = 1e-5  # of the balls: a point with more left is one about which the body turns
-_SWEEPS, _NEWTON, _PROJECTIONS = 20_000, 20, 20
+_SWEEPS, _NEWTON = 20_000, 20
 
 
 @kernel
@@ -122,10 +123,7 @@ def settle_dependent(P, S, R, W, leaves):
     """
     group, load = W.together, math.inf
     q = group.size
-    for _ in range(_PROJECTIONS):  # each disc moves the others, ever less
-        for i in range(q):
-            if i == 0 or group.disc[i] != group.disc[i - 1]:
-                put_in_slip(P, S, group.disc[i], 0.0, S.mult, W)
+    put_at_rest(P, S, W)
     for i in range(q):
         group.lam[i] = S.mult[group.comp[i]]
     rests = _rests_already(P, S, W, q) and not leaves

@@ -464,4 +464,8 @@ def onset(P, C, S, W, longest):
         h *= max(0.25, 0.9 * misfit**-0.125) if misfit < math.inf else 0.25
         if h <= 1e-14 * (1.0 + abs(t)):
             break
+    # What is left is a body at rest, where lambda = h/|h| has no value.
+    for j in range(P.m):
+        if begins(P, S, j):
+            S.mult[j] = INSIDE
     return 0.0

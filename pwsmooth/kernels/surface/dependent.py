@@ -5,11 +5,12 @@ import math
 from ..machine.compiling import kernel
 from ..machine.pointers import call_fields, call_newton
 from ..state import DISC, SOLVED
-from .sliding import mask_solved
+from .sliding import mask_solved, put_in_slip
 from .sparse import link, solve_dense
 from .vector import begins
 
 _DELTA = 1e-4  # of lambda
+_PROJECTIONS = 20
 _DEPENDS = 1e-9  # of the largest pivot: what is left of a surface that the others determine
 # Of the interior-point method: how fast its weight falls, to what, and where its dual variables are known well.
 _CENTRED, _GAP, _DUAL, _ITERATIONS = 0.25, 1e-13, 1e-7, 200
@@ -36,6 +37,15 @@ def gather(P, S, W, j):
             group.comp[q] = i
             q += 1
     return q
+
+
+@kernel
+def put_at_rest(P, S, W):
+    """Puts S.x where h = 0 for all discs that stand: one after the other, as each moves the others, ever less."""
+    for _ in range(_PROJECTIONS):
+        for j in range(P.m):
+            if P.kind[j] == DISC and (S.status[j] == SOLVED or begins(P, S, j)):
+                put_in_slip(P, S, j, 0.0, S.mult, W)
 
 
 @kernel
