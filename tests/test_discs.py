@@ -124,6 +124,17 @@ def test_a_block_at_rest_within_the_break_away_circle_stays(force):
     assert s.success and len(s.events) == 0 and np.all(s.x[2:] == 0)
 
 
+@pytest.mark.parametrize("excess", [1e-4, 6e-4, 1e-2])
+def test_a_root_just_beyond_the_circle_is_no_stick(excess):
+    """The layer creeps towards it, and on to the slip: from the start on, of which no event is told."""
+    lam, force = Disc("lam", (vx, vy)), 1 + excess
+    friction = 1 + 0.134 * (1 - lam.square)  # without a fold inside the circle
+    system = System({vx: 0.6 * force - lam[0] * friction, vy: 0.8 * force - lam[1] * friction})
+    s = solve(system, (0, 1), [0, 0], **TIGHT)
+    assert not s.events
+    assert s.x[:, -1] == pytest.approx([0.6 * excess, 0.8 * excess], rel=1e-8)
+
+
 def test_a_block_at_rest_beyond_the_break_away_circle_slips_along_the_force():
     s = solve(hidden(), (18, 19), [0, 0, 0, 0], **TIGHT)
     assert s.success and len(s.events) == 0

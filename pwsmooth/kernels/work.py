@@ -147,7 +147,7 @@ class Onset(Bundle):
     goes_on: "int"  # whether all slips have begun before
     rests: "int"  # whether the slip begins without acceleration
     solves: "int"  # whether it solves for multipliers
-    beyond: "float"  # by how much the lambda that would hold a disc exceeds 1
+    narrow: "int"  # states by which Newton's method knows the slopes
     x: "f8[onset]"  # at its start
     first: "f8[onset]"  # rates there
     as_one: "int"  # whether discs begin to slip that depend on each other
@@ -161,12 +161,15 @@ class Onset(Bundle):
     slow: "i8[m]"  # discs whose slip has made explicit steps short
     slips: "i8[m]"  # discs that slip
     size: "f8[m]"  # their |h| at a node
+    columns: "i8[onset]"  # those states
     y: "f8[8, onset]"  # states at the nodes
     k: "f8[8, onset]"  # rates
     slope: "f8[8, onset, onset]"  # their derivatives by the states
     matrix: "f8[8*onset, 8*onset + 1]"  # of Newton's method, factored, and the order of its rows
     rest: "f8[8*onset]"  # its right-hand side
-    change: "f8[8*onset]"  # and solution
+    found: "f8[8*onset]"  # and solution
+    change: "f8[onset, 8]"  # by which all states at the nodes change
+    sums: "f8[8]"  # integrals of a rate up to the nodes
 
 
 class Together(Bundle):

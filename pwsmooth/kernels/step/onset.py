@@ -17,20 +17,25 @@ from ..machine.pointers import call_fields, call_linear, call_newton
 from ..state import DISC, SOLVED, START, Control, Problem, State
 from ..surface.dependent import gather_leaving, pace_of_leaving
 from ..surface.sliding import INSIDE, mask_solved, put_in_slip
-from ..surface.sparse import factor_dense, solve_factored
+from ..surface.sparse import factor_dense, solve_dense, solve_factored
 from ..surface.vector import begins, push_of_disc, slopes_of_disc
 from ..work import Work
 from .tables import STAGES
 
 _LEGENDRE = np.polynomial.legendre
 _TRIES, _SWEEPS, _PICARD = 40, 24, 3
+_SAME_EXCESS = 0.02  # of the force over the friction: a first guess is good enough when it changes by less
+_NARROW = 4  # sweeps with the slopes by the surfaces' states alone
 _DAMPED = 0.7  # of the way: by how much Newton's method changes it at most, lest it turns
 _PROJECTIONS = 50  # of several discs, one after the other
 _CHORD = 0.05  # of the change before: by less a sweep serves with the slopes that it has
-_STIFF = 1.0 / 18.0  # of 1/(d|lambda|/dt): later the series of the direction diverges before it is good
+# Of 1/(d|lambda|/dt), at rtol = 1e-12 and at most: at once as far as the polynomials of one step tell what happens, as
+# the series of the direction converge the faster the later they begin.
+_STIFF, _STIFFEST = 1.0 / 11.0, 0.25
 _AHEAD = 1e-3  # of the longest step: where it is looked at how fast lambda passes its bound
 _AT_REST = 1e-7  # of the accelerations: a slip that begins with less begins with none
 _ALIKE = 1e-8  # of the way since the start: what Newton's method is content with where it comes no nearer
+_CHANGED = 1e-12  # of that way: the last change of Newton's method
 _LEFT = 0.1  # of |h|, that a first guess keeps
 _HELD = 1e-10  # of the multipliers of other sticks: roundings of a direction are no less
 _DEFECT = 10.0  # tolerances: that of the polynomial, whose order is half of that of the step's end
@@ -67,6 +72,7 @@ def _radau():
 
 
 NODES, WEIGHTS, LAGRANGE = _radau()
+_COLUMNS = WEIGHTS.T.copy()
 _RATES = np.linalg.inv(WEIGHTS)
 _BETWEEN = 0.5 * (NODES[-1] + NODES[-2])
 
@@ -102,34 +108,50 @@ def _slaved(P, S, W, j):
 
 @kernel
 def _stand(P, S, W, q, t):
-    """Puts S at node q, with the lambda that would hold in slips that the force leads."""
+    """Puts S at node q, with the lambda that would hold in slips that the force leads; returns its excess over 1."""
+    excess = 0.0
     for i in range(P.n):
         S.x[i] = W.onset.y[q, i]
     S.t = t
     for j in range(P.m):
         if _slaved(P, S, W, j):
-            _follow_force(P, S, W, j)
+            excess += _follow_force(P, S, W, j)
+    return excess
+
+
+@kernel
+def _integrate(W, h, i):
+    """Overwrites onset.sums by the integrals of rate i in onset.k up to the nodes."""
+    sums = W.onset.sums
+    for q in range(STAGES):
+        sums[q] = 0.0
+    for s in range(STAGES):
+        rate = h * W.onset.k[s, i]
+        for q in range(STAGES):  # by lanes
+            sums[q] += rate * _COLUMNS[s, q]
 
 
 @kernel
 def _guess_path(P, S, W, h):
-    """Overwrites onset.y with the motion by the lambda that all but holds, to the fourth order in h (Picard): what it
-    slips is as little as the force is more than that, and the slip's own direction does not stand out from less."""
-    onset, n, t0 = W.onset, P.n, S.t
+    """Overwrites onset.y with the motion by the lambda that all but holds, to the fourth order in h (Picard) where that
+    matters: what it slips is as little as the force is more, and its own direction does not stand out from less."""
+    onset, n, t0, excess = W.onset, P.n, S.t, math.inf
     for q in range(STAGES):
         for i in range(n):
             onset.y[q, i] = onset.x[i] + NODES[q] * h * onset.first[i]
     for _ in range(_PICARD):
+        before = excess
         for q in range(STAGES):
-            _stand(P, S, W, q, t0 + NODES[q] * h)
+            excess = _stand(P, S, W, q, t0 + NODES[q] * h)
             _rates(P, S, W, S.t)
             for i in range(n):
                 onset.k[q, i] = W.dx[i]
-        for q in range(STAGES):
-            for i in range(n):
-                onset.y[q, i] = onset.x[i]
-                for s in range(STAGES):
-                    onset.y[q, i] += h * WEIGHTS[q, s] * onset.k[s, i]
+        for i in range(n):
+            _integrate(W, h, i)
+            for q in range(STAGES):
+                onset.y[q, i] = onset.x[i] + onset.sums[q]
+        if abs(excess - before) <= _SAME_EXCESS * abs(excess):
+            break
     S.t = t0
 
 
@@ -180,7 +202,9 @@ def _guess(P, S, W, h):
             onset.rate[q, j] = W.g[j]
             onset.toward[q, j] = S.mult[j]
     for q in range(STAGES):
-        _stand(P, S, W, q, t0 + NODES[q] * h)
+        for i in range(P.n):
+            S.x[i] = onset.y[q, i]
+        S.t = t0 + NODES[q] * h
         for j in range(P.m):
             if _slaved(P, S, W, j):
                 start = math.sqrt(onset.level[j])
@@ -204,17 +228,26 @@ def _guess(P, S, W, h):
 
 @kernel
 def _follow_force(P, S, W, j):
-    """Leaves in S.mult the direction of the lambda that would hold disc j, in onset.beyond its excess over 1."""
-    for k in range(P.m):
-        W.mask[k] = 1 if S.status[k] == SOLVED or P.disc_of[k] == j else 0
-    call_newton(P.newton_unit, P, S, W)
-    size = 0.0
+    """Leaves in S.mult the direction of the lambda that would hold disc j; returns its excess over 1."""
+    d, A, size = P.dim[j], W.disc, 0.0
+    if W.onset.solves or P.hidden[j + 1]:
+        for k in range(P.m):
+            W.mask[k] = 1 if S.status[k] == SOLVED or P.disc_of[k] == j else 0
+        call_newton(P.newton_unit, P, S, W)
+    else:
+        slopes_of_disc(P, S, W, j)
+        push_of_disc(P, S, W, j)
+        for r in range(d):
+            A[r, d] = -W.g[j + 1 + r]
+        if solve_dense(A, d, 1):
+            for r in range(d):
+                S.mult[j + 1 + r] += A[r, d]
     for k in range(j + 1, j + 1 + P.dim[j]):
         size += S.mult[k] ** 2
     size = math.sqrt(size)
-    W.onset.beyond = size - 1.0
     for k in range(j + 1, j + 1 + P.dim[j]):
         S.mult[k] /= size
+    return size - 1.0
 
 
 @kernel
@@ -247,7 +280,7 @@ def _stage(P, S, W, q, t):
 
 @kernel
 def _slopes(P, S, W, q, t):
-    """Overwrites onset.slope[q], the derivatives by the states of what _stage has just left."""
+    """Overwrites onset.slope[q], the derivatives by the states in onset.columns of what _stage has just left."""
     onset, n, reach = W.onset, P.n, 0.0
     for i in range(n):
         reach = max(reach, abs(onset.y[q, i] - onset.x[i]))
@@ -257,7 +290,8 @@ def _slopes(P, S, W, q, t):
             onset.slips[j] = 1
             onset.size[j] = math.sqrt(W.h[j])
     call_linear(P.linear, t, S.x, S.mult, P.p, W.G, W.dh)
-    for i in range(n):
+    for c in range(onset.narrow):
+        i = onset.columns[c]
         nudge, keep = _nudge(P, W, q, i, reach), S.x[i]
         S.x[i] = keep + nudge
         moved = S.x[i] - keep
@@ -266,22 +300,65 @@ def _slopes(P, S, W, q, t):
             S.x[i] = keep + moved
         _rates(P, S, W, t)
         for r in range(n):
-            onset.slope[q, r, i] = (W.dx[r] - onset.k[q, r]) / moved
+            onset.slope[q, r, c] = (W.dx[r] - onset.k[q, r]) / moved
         S.x[i] = keep
 
 
 @kernel
+def _choose_columns(P, S, W, all_of_them):
+    """Overwrites onset.columns: the states of slipping surfaces, by which the rates are stiff, or all states."""
+    onset = W.onset
+    onset.narrow = 0
+    for i in range(P.n):
+        takes = all_of_them
+        for j in range(P.m):
+            if P.disc_of[j] >= 0 and S.status[P.disc_of[j]] == 1:
+                for e in range(P.dh_row[j], P.dh_row[j + 1]):
+                    takes = takes or P.dh_col[e] == i
+        if takes:
+            onset.columns[onset.narrow] = i
+            onset.narrow += 1
+
+
+@kernel
 def _factor(P, W, h):
-    """Factors the matrix of Newton's method; False if it is singular."""
-    onset, n, A = W.onset, P.n, W.onset.matrix
+    """Factors the matrix of Newton's method for the states in onset.columns; False if it is singular."""
+    onset, A, width = W.onset, W.onset.matrix, W.onset.narrow
     for q in range(STAGES):
-        for r in range(n):
-            row = q * n + r
+        for r in range(width):
+            row = q * width + r
             for s in range(STAGES):
-                for i in range(n):
-                    A[row, s * n + i] = -h * WEIGHTS[q, s] * onset.slope[s, r, i]
+                for c in range(width):
+                    A[row, s * width + c] = -h * WEIGHTS[q, s] * onset.slope[s, onset.columns[r], c]
             A[row, row] += 1.0
-    return factor_dense(A, STAGES * n)
+    return factor_dense(A, STAGES * width)
+
+
+@kernel
+def _newton_step(P, W, h):
+    """Overwrites onset.change by a step of Newton's method: of the states in onset.columns, and what the others make of
+    it."""
+    onset, n, width = W.onset, P.n, W.onset.narrow
+    for r in range(n):
+        _integrate(W, h, r)
+        for q in range(STAGES):
+            onset.change[r, q] = onset.x[r] - onset.y[q, r] + onset.sums[q]
+    for c in range(width):
+        for q in range(STAGES):
+            onset.rest[q * width + c] = onset.change[onset.columns[c], q]
+    solve_factored(onset.matrix, STAGES * width, onset.rest, onset.found)
+    for r in range(n):
+        for s in range(STAGES):
+            onset.k[s, r] = 0.0  # not needed any more
+            for c in range(width):
+                onset.k[s, r] += onset.slope[s, r, c] * onset.found[s * width + c]
+        _integrate(W, h, r)
+        for q in range(STAGES):
+            onset.change[r, q] += onset.sums[q]
+    # Of their own states what has been solved for, to the last bit.
+    for c in range(width):
+        for q in range(STAGES):
+            onset.change[onset.columns[c], q] = onset.found[q * width + c]
 
 
 @kernel
@@ -289,7 +366,10 @@ def _solve(P, C, S, W, t, h):
     """Newton's method for the states at the nodes, with slopes anew where it is slow; whether it converges."""
     onset, n = W.onset, P.n
     before, anew = math.inf, True
+    _choose_columns(P, S, W, False)
     for sweep in range(_SWEEPS):
+        if sweep == _NARROW and anew:
+            _choose_columns(P, S, W, True)
         for q in range(STAGES):
             if not _stage(P, S, W, q, t + NODES[q] * h):
                 return False
@@ -297,17 +377,11 @@ def _solve(P, C, S, W, t, h):
                 _slopes(P, S, W, q, t + NODES[q] * h)
         if anew and not _factor(P, W, h):
             return False
-        for q in range(STAGES):
-            for r in range(n):
-                rest = onset.y[q, r] - onset.x[r]
-                for s in range(STAGES):
-                    rest -= h * WEIGHTS[q, s] * onset.k[s, r]
-                onset.rest[q * n + r] = -rest
-        solve_factored(onset.matrix, STAGES * n, onset.rest, onset.change)
+        _newton_step(P, W, h)
         change, total = 0.0, 0.0
         for q in range(STAGES):
             for i in range(n):
-                step = onset.change[q * n + i]
+                step = onset.change[i, q]
                 # Beside the way since the start: of a slip that has just begun its own size is what matters.
                 way = abs(onset.y[q, i] - onset.x[i]) + 10.0 * C.atol[i]
                 if onset.still[i] == 0:
@@ -316,10 +390,10 @@ def _solve(P, C, S, W, t, h):
         share = min(1.0, _DAMPED / change) if anew else 1.0
         for q in range(STAGES):
             for i in range(n):
-                onset.y[q, i] += share * onset.change[q * n + i]
+                onset.y[q, i] += share * onset.change[i, q]
         if not abs(total) < math.inf or (anew and sweep > 12 and change > before):
             return False
-        if change <= 1e-12 or (sweep > 2 and change <= _ALIKE and change > 0.5 * before):
+        if change <= max(_CHANGED, 1e-2 * C.rtol) or (sweep > 2 and change <= _ALIKE and change > 0.5 * before):
             return True
         anew = change > _CHORD * before
         before = change
@@ -436,14 +510,15 @@ def onset(P, C, S, W, longest):
     start.rests = 1 if fastest <= _AT_REST * size else 0
     start.as_one = 1 if not start.goes_on and gather_leaving(P, S, W) else 0
     h = longest
+    stiff = min(_STIFFEST, _STIFF * (1e12 * C.rtol) ** (1.0 / 16.0))
     if start.rests and not start.goes_on:
         ahead = _AHEAD * longest
         _go_along(P, S, W, t, ahead)
         for j in range(P.m):
             if begins(P, S, j) and start.forced[j]:
-                _follow_force(P, S, W, j)
-                if start.beyond > 0.0:
-                    h = min(h, _STIFF * ahead / start.beyond)
+                excess = _follow_force(P, S, W, j)
+                if excess > 0.0:
+                    h = min(h, stiff * ahead / excess)
         S.t = t
     for _ in range(_TRIES):
         _restore(P, S, W)

@@ -18,6 +18,7 @@ SETTLED, OSCILLATES, LOST = range(3)
 _SURE_STEP = 0.02  # of the relaxation of a layered state, in its own time constant: fixed steps of it were safe
 _FARTHEST = 1e150  # of u, whose square is finite
 _FAR = 20.0  # from there on lambda is within 2e-3 of its bound, and moves ever more slowly
+_BOUND = 1e-12  # of lambda: a root farther out is none
 _MANY = 1000  # steps without rest, after which it is looked at what slow motion there is
 
 
@@ -162,7 +163,9 @@ def _rest_is_near(P, S, W, size):
     mask_solved(P, S, W)
     near = call_newton(P.newton_unit, P, S, W) != 0
     for i in range(size):
-        near = near and abs(S.mult[instant.group[i]] - W.layer.mult[i]) < 1e-3
+        j = instant.group[i]
+        bounded = j if P.kind[j] != COMPONENT else P.disc_of[j]  # of a disc lambda . lambda
+        near = near and abs(S.mult[j] - W.layer.mult[i]) < 1e-3 and abs(S.mult[bounded]) <= 1.0 + _BOUND
     if not near:
         for i in range(size):
             S.status[instant.group[i]] = W.layer.status[i]

@@ -141,12 +141,12 @@ def put_in_slip(P, S, j, size, toward, W):
     All rows at once, Dh Dh' u = h - level: one after another they would spoil each other where gradients are not
     orthogonal.
     """
-    d, A, states = P.dim[j], W.disc, size == 0.0
+    d, A, states = P.dim[j], W.disc, True
     for k in range(j + 1, j + 1 + d):
         states = states and P.surface_state[k] >= 0
     if states:
         for k in range(j + 1, j + 1 + d):
-            S.x[P.surface_state[k]] = 0.0
+            S.x[P.surface_state[k]] = size * toward[k] if size != 0.0 else 0.0
         return
     for _ in range(3):
         call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
