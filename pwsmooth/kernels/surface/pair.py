@@ -7,6 +7,7 @@ import numpy as np
 from scipy.integrate._ivp import dop853_coefficients as dop
 
 from ..machine.compiling import kernel
+from ..machine.lanes import load8, splat8, store8
 
 STAGES, DEGREE = 12, 7  # of a step; of the interpolant, for which there are three more
 _A, _B, _D, _E3, _E5 = dop.A.copy(), dop.B.copy(), dop.D.copy(), dop.E3.copy(), dop.E5.copy()
@@ -28,17 +29,26 @@ _BASIS = _basis()
 
 
 @kernel
+def _weight(s, r):
+    return _B[r] if s == STAGES else _A[s, r]
+
+
+@kernel
 def stage_point(y, k, s, n, step, out):
     """Overwrites out[:n] by the point at which stage s is taken; stage 12 is the end of the step."""
-    for i in range(n):
-        out[i] = 0.0
-    for r in range(s):
-        weight = _B[r] if s == STAGES else _A[s, r]
-        if weight != 0.0:
-            for i in range(n):
-                out[i] += weight * k[r, i]
-    for i in range(n):
-        out[i] = y[i] + step * out[i]
+    by_lanes = n - n % 8
+    for i in range(0, by_lanes, 8):
+        total = splat8(0.0)
+        for r in range(s):
+            if _weight(s, r) != 0.0:
+                total = total + _weight(s, r) * load8(k[r], i)
+        store8(out, i, load8(y, i) + step * total)
+    for i in range(by_lanes, n):
+        rest = 0.0
+        for r in range(s):
+            if _weight(s, r) != 0.0:
+                rest += _weight(s, r) * k[r, i]
+        out[i] = y[i] + step * rest
 
 
 @kernel
