@@ -32,6 +32,7 @@ _STROBES = 5000  # of a section
 _REPEATS = 1e-9  # relative to 1 + abs(x): so nearly a section's last strobes repeat, where it ends
 _COARSEST = 64  # starts that one start stands for at first, along each axis of a basin
 _UNKNOWN = -9  # a start that has no label yet
+_STARTS = 9000  # columns of a diagram, eighty periods each, that cost as much as basins: 90 000 starts of eight
 _PATHS, _INSTANTS = 20, 601  # of the noise; as many kicks are drawn
 
 
@@ -60,9 +61,17 @@ class _Progress:
         rest = "" if finished or not self.said else f" {self.done} of {self.of} columns."
         hint = " Click: orbit there; drag: zoom." if self.said else ""
         cpu = time.process_time() - self.begun
-        left = cpu / self.done * (self.of - self.done) if cpu > 1 and self.done else 0.0
-        return {"done": self.done, "of": self.of, "cpu": cpu, "rest": left, "finished": finished,
-                "said": self.said + rest + hint}  # fmt: skip
+        each = cpu / max(1, self.done)
+        minutes = math.ceil(each * (self.of - self.done) / 60)
+        return {"done": self.done, "of": self.of, "cpu": cpu, "finished": finished, "said": self.said + rest + hint,
+                "long": f"↻ computes all of it, in {minutes} minutes or so. " if cpu > 1 and minutes > 1 else "",
+                "basins": _foretold(each * _STARTS)}  # fmt: skip
+
+
+def _foretold(seconds: float) -> str:
+    """How long basins will take; nothing where they are so quick that they begin by themselves."""
+    told = f"{seconds / 60:.0f} minutes" if seconds > 90 else "a minute"
+    return f"↻ shows which orbit each start leads to, in {told} or so." if seconds > 40 else ""
 
 
 def _returns(strobes: Mapping[str, Any]) -> str:

@@ -52,7 +52,7 @@ class Explorer:
         asked = {**self._state, **{k: latest[k] for k in SHOWN if k in latest}}
         subject = as_asked(self.subject, asked)
         known = describe(subject)
-        own = {k: known[k] for k in ("names", "phase", "characteristic")}
+        own = {k: known[k] for k in ("names", "phase")}
         own["switch"] = next(iter(known["switches"]), "")
         p, x0, span = state_of(subject, asked)
         return subject, {**own, **asked, "p": p, "x0": x0, "t_span": span}
