@@ -377,8 +377,7 @@ class App {
     this.tabs.replaceChildren(...tabbed.map(tab));
     this.main.replaceChildren(...shown.map((v) => v.box));
     if (narrow) one?.box.before(this.tabs);
-    if (why && !this.mapped && !narrow)
-      this.main.append(element("p.missing", why, this.sections()));
+    if (why && !this.mapped) this.main.append(element("p.missing", why, this.sections()));
     this.tabs.querySelector('[aria-selected="true"]')?.scrollIntoView({ block: "nearest", inline: "center" });
     for (const name of ["top", "small", "maps"]) this.main.dataset[name] = shown.filter((v) => v.row === name).length;
     for (const v of this.views)

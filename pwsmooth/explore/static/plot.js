@@ -158,7 +158,7 @@ export class Plot {
   }
   // `halo`: curves pass behind the text.
   write(text, x, y, textAlign, textBaseline, fillStyle = this.theme.muted, halo = "") {
-    Object.assign(this.ctx, { textAlign, textBaseline, fillStyle, strokeStyle: halo, lineWidth: 3 });
+    Object.assign(this.ctx, { textAlign, textBaseline, fillStyle, strokeStyle: halo, lineWidth: 5 });
     if (halo) this.ctx.strokeText(text, x, y);
     this.ctx.fillText(text, x, y);
   }
