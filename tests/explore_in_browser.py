@@ -465,6 +465,15 @@ def sections(b: Browser, shots: Path | None) -> None:
         expect(
             "Returns to v = 0, falling" in tab.inner_text(".diagram .note"), "it does not say by which section"
         )
+        with b.tab(url, "phone") as small:
+            small.select_option(".missing select", "v -1")
+            wait(
+                small,
+                "explorer.views.some(v => v.key === 'diagram')",
+                told="no section can be chosen on a phone",
+            )
+            if shots:
+                small.screenshot(path=shots / "section.phone.png")
 
 
 def ending(b: Browser, shots: Path | None) -> None:
@@ -484,8 +493,9 @@ def ending(b: Browser, shots: Path | None) -> None:
             time.sleep(0.05)
         expect(not children(run), "the processes of a closed tab go on")
         with b.tab(url) as tab:
-            tab.evaluate("explorer.set({p: {...explorer.state.p, rho: 2.5}})")
+            tab.evaluate("explorer.set({p: {...explorer.state.p, rho: 2.5, beta: 0}})")
             wait(tab, IDLE)
+            expect(tab.evaluate("!document.getElementById('c-beta-w').hidden"), "beta = 0 is not refused")
             run.send_signal(signal.SIGINT)
             wait(
                 tab,

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import matplotlib.pyplot
 import numpy as np
@@ -725,3 +726,10 @@ def test_an_explorer_gives_the_state_the_solution_and_its_script(oscillator):
                   atol=[oscillator.atol.get(s, 1e-12) for s in ("y", "v", "z")])  # fmt: skip
     np.testing.assert_array_equal(explorer.solution.x, again.x)
     assert "'rho': 2.0" in explorer.code() and explorer.state["x0"] == oscillator.start
+
+
+def test_a_page_that_ends_with_a_refused_value_leaves_the_state_before(oscillator):
+    explorer = opening.Explorer(oscillator, {"p": {"rho": 2.0}})
+    explorer._server = SimpleNamespace(state={"p": {"beta": 0}}, stop=lambda: None)
+    explorer.close()
+    assert explorer.state["p"]["rho"] == 2.0

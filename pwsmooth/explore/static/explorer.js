@@ -361,6 +361,7 @@ class App {
     const { said, number } = this.fields[field];
     said.replaceChildren(why, ...this.remedies(remedies));
     said.hidden = false;
+    said.scrollIntoView({ block: "nearest" });
     number.setAttribute("aria-invalid", "true");
     number.setAttribute("aria-describedby", said.id);
   }
