@@ -28,6 +28,7 @@ from .live import Answer, state_of, strobed_by
 from .subject import Subject
 
 _SLICE = 0.05  # s between two pieces
+_BEGIN = 28  # columns of the first picture of a diagram: they show where it goes, after 30 ms of work
 _STROBES = 5000  # of a section
 _REPEATS = 1e-9  # relative to 1 + abs(x): so nearly a section's last strobes repeat, where it ends
 _COARSEST = 64  # starts that one start stands for at first, along each axis of a basin
@@ -113,14 +114,15 @@ def diagram(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
 
 
 def _paced(plan: SweepPlan) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
-    """`refine`, whose first chunk has 40 points; of slow orbits, as the first one shows, fewer at a time."""
+    """`refine`, after a few columns at first; of slow orbits, as the first one shows, fewer at a time."""
     order, workers, begun = spread(plan.shape).tolist(), max(1, cores() - 1), time.perf_counter()
     ((which, found),) = refine(plan, order[:1])
     each = time.perf_counter() - begun
     if 40 * each < 1:
-        for more, values in refine(plan, order[1:], workers=workers):
-            yield np.append(which, more), {n: np.concatenate([found[n], v]) for n, v in values.items()}
-            which, found = which[:0], {n: v[:0] for n, v in found.items()}
+        for part in (order[1:_BEGIN], order[_BEGIN:]):
+            for more, values in refine(plan, part, workers=workers):
+                yield np.append(which, more), {n: np.concatenate([found[n], v]) for n, v in values.items()}
+                which, found = which[:0], {n: v[:0] for n, v in found.items()}
         return
     yield which, found
     size, done = max(1, int(_SLICE / each)), 1
