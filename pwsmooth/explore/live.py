@@ -89,8 +89,9 @@ class Live:
             names += checks.several(
                 checks.mapping(asked.get("basins", {}), "`basins`").get("axes", ()), "`axes`"
             )
-        if self.subject.noise is not None:
-            names.append(checks.mapping(asked.get("noise", {}), "`noise`").get("name", names[0]))
+        noise = checks.mapping(asked.get("noise", {}), "`noise`")
+        if self.subject.noise is not None and "name" in noise:
+            names.append(noise["name"])
         return list(dict.fromkeys(map(str, names)))
 
     def layer(self, asked: Mapping[str, Any]) -> Answer:
