@@ -123,11 +123,11 @@ def measured(moves: int, many: int) -> dict[str, Any]:
         tab.evaluate(DRAG, 200)
         wait(tab, IDLE)
         heap, kept = tab.evaluate(HEAP), {p: memory(p) for p in processes(run.pid)}
-        before = tab.evaluate("explorer.stats.drawn")
+        before = tab.evaluate("explorer.drawn")
         tab.evaluate(DRAG, many)
         wait(tab, IDLE)
         found["after many moves"] = {
-            "moves": many, "pictures": tab.evaluate("explorer.stats.drawn") - before,
+            "moves": many, "pictures": tab.evaluate("explorer.drawn") - before,
             "growth of the heap, MiB": (tab.evaluate(HEAP) - heap) / 2**20,
             "largest growth of a process, MiB": max((memory(p) - kept[p]) / 2**20 for p in kept),
         }  # fmt: skip

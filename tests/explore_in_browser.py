@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import importlib.resources
 import os
 import re
 import shutil
@@ -207,13 +208,13 @@ def sliders(b: Browser, shots: Path | None) -> None:
         tab.fill("#c-beta-n", "0.2")
         tab.press("#c-beta-n", "Enter")
         wait(tab, "document.getElementById('c-beta-w').hidden")
-        sent = tab.evaluate("explorer.stats.sent")
+        sent = tab.evaluate("explorer.seq")
         for k in range(60):
             tab.evaluate(
                 f"() => {{ const s = document.getElementById('c-rho'); s.value = {300 + 8 * k}; s.dispatchEvent(new Event('input')); }}"
             )
         wait(tab, IDLE)
-        expect(tab.evaluate("explorer.stats.sent") - sent < 60, "every event was sent, and not the newest")
+        expect(tab.evaluate("explorer.seq") - sent < 60, "every event was sent, and not the newest")
         last = tab.evaluate(
             "[explorer.orbit.header.seq, explorer.seq, explorer.state.p.rho, explorer.asked.p.rho]"
         )
@@ -285,12 +286,15 @@ def gestures(b: Browser, shots: Path | None) -> None:
         )
         tab.mouse.move(*at)
         tab.mouse.down()
-        tab.mouse.move(at[0] + 80, at[1] + 10, steps=4)
+        tab.mouse.move(at[0] + 80, at[1] + 40, steps=4)
         tab.mouse.up()
         wait(
             tab,
             f"(explorer.of('diagram').job.header || {{range: [0, 99]}}).range[1] < {span[1]}",
             told="a drag does not compute the part anew",
+        )
+        expect(
+            tab.evaluate("explorer.of('diagram').plot.y.zoomed"), "the part is not shown as high as its box was"
         )
         tab.keyboard.press("Control+z")
         wait(
@@ -298,6 +302,7 @@ def gestures(b: Browser, shots: Path | None) -> None:
             f"(explorer.of('diagram').job.header || {{range: [0, 0]}}).range[1] === {span[1]}",
             told="back does not restore the diagram",
         )
+        expect(tab.evaluate("!explorer.of('diagram').plot.y.zoomed"), "back does not restore its height")
         tab.keyboard.press("b")
         wait(tab, "explorer.of('basins').job.header?.cycles?.length", 60)
         job = tab.evaluate("explorer.of('basins').id")
@@ -351,6 +356,24 @@ def colours(b: Browser, shots: Path | None) -> None:
           for (const [a, b] of o.header.held) for (let k = 0; k < o.t.length; k++) if (o.t[k] > a + 1e-4 && o.t[k] < b - 1e-4) { held++; if (Math.abs(ys[k]) > 1e-6) off++; }
           return [off, held]; })()""")
         expect(wrong[1] > 0 and wrong[0] == 0, f"shaded though it slips: {wrong}")
+
+
+def style(b: Browser, shots: Path | None) -> None:
+    """A browser reads the rules of the style sheet as they are written, not those of a file that was cut too short."""
+    source = (
+        importlib.resources.files("pwsmooth.explore")
+        .joinpath("static", "style.css")
+        .read_text(encoding="utf-8")
+    )
+    rules = """source => {
+      const written = new CSSStyleSheet(), told = sheet => [...sheet.cssRules].map(rule => rule.cssText).join('\\n').replace(/, /g, ',');
+      written.replaceSync(source);
+      const [a, b] = [written, document.styleSheets[0]].map(sheet => told(sheet).split('\\n'));
+      return [a.length, a.map((line, k) => [line, b[k]]).filter(([x, y]) => x !== y)];
+    }"""
+    with served("--preset", "figure-8") as (url, _), b.tab(url) as tab:
+        count, other = tab.evaluate(rules, source)
+        expect(count > 100 and not other, f"of {count} lines of rules {len(other)} are others: {other[:3]}")
 
 
 def links(b: Browser, shots: Path | None) -> None:
@@ -442,6 +465,15 @@ def sections(b: Browser, shots: Path | None) -> None:
         expect(
             "Returns to v = 0, falling" in tab.inner_text(".diagram .note"), "it does not say by which section"
         )
+        with b.tab(url, "phone") as small:
+            small.select_option(".missing select", "v -1")
+            wait(
+                small,
+                "explorer.views.some(v => v.key === 'diagram')",
+                told="no section can be chosen on a phone",
+            )
+            if shots:
+                small.screenshot(path=shots / "section.phone.png")
 
 
 def ending(b: Browser, shots: Path | None) -> None:
@@ -461,8 +493,9 @@ def ending(b: Browser, shots: Path | None) -> None:
             time.sleep(0.05)
         expect(not children(run), "the processes of a closed tab go on")
         with b.tab(url) as tab:
-            tab.evaluate("explorer.set({p: {...explorer.state.p, rho: 2.5}})")
+            tab.evaluate("explorer.set({p: {...explorer.state.p, rho: 2.5, beta: 0}})")
             wait(tab, IDLE)
+            expect(tab.evaluate("!document.getElementById('c-beta-w').hidden"), "beta = 0 is not refused")
             run.send_signal(signal.SIGINT)
             wait(
                 tab,
@@ -503,7 +536,7 @@ def phone(b: Browser, shots: Path | None) -> None:
 
 
 CHECKS: tuple[Callable[[Browser, Path | None], None], ...] = (
-    sliders, gestures, colours, links, taking, models, sections, ending, phone, views,
+    sliders, gestures, colours, style, links, taking, models, sections, ending, phone, views,
 )  # fmt: skip
 
 
@@ -580,6 +613,7 @@ FAULTS: dict[str, tuple[str, str, str, str]] = {
     "wider than a phone": (
         "explore/static/style.css", ".work { display: block; }", ".work { display: block; width: 500px; }", "views",
     ),
+    "a rule is read as another": ("explore/static/style.css", "  .ends *:first", "  .ends :first", "style"),
     "another law loses the mechanism's numbers": (JS, "{ ...this.state, ...part, kind:", "{ ...part, kind:", "models"),
     "a page that only looks is heard": ("explore/processes.py", "if self.subject.read_only:", "if False:", "models"),
 }  # fmt: skip

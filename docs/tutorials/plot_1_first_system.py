@@ -162,7 +162,7 @@ for value in (2, 3):
 # .. explorer:: figure-8
 #    :over: rho=0..6/41
 #    :views: time, mechanism, phase
-#    :height: 740
+#    :height: 760
 
 # %%
 # The static part acts while :math:`v = 0` only: neither of the fields beside the surface knows of

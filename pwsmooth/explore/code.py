@@ -12,6 +12,7 @@ import numpy as np
 from .. import plotting
 from ..definition import checks
 from ..sweep.basins import basins, orbit_diagram
+from .describe import characteristic
 from .live import state_of, strobed_by
 from .subject import Subject
 
@@ -78,7 +79,7 @@ def _plot(
             "    ax = found.plot()",
         ]
     if view in ("phase", "characteristic"):
-        return ["with style():", f"    axes = solution.plot(phase={tuple(_pair(asked, view))!r})"]
+        return ["with style():", f"    axes = solution.plot(phase={tuple(_pair(subject, asked, view))!r})"]
     if view == "layer":
         return [
             "with style():",
@@ -115,7 +116,7 @@ def figure(subject: Subject, asked: Mapping[str, Any]) -> bytes:
         else:
             solution = subject.solve(span, x0, p)
             if view in ("phase", "characteristic"):
-                solution.plot(phase=_pair(asked, view), axes=drawn.subplots())
+                solution.plot(phase=_pair(subject, asked, view), axes=drawn.subplots())
             elif view == "layer":
                 solution.plot_layer(str(asked.get("switch", "")), _cursor(asked), drawn.subplots())
             else:
@@ -138,8 +139,9 @@ def _names(asked: Mapping[str, Any], solution: Any = None, solution_names: Any =
     return found or ([*solution.states][:2] if solution is not None else [])
 
 
-def _pair(asked: Mapping[str, Any], view: str) -> list[str]:
-    pair = [str(n) for n in checks.several(asked.get(view, ()), f"`{view}`")]
+def _pair(subject: Subject, asked: Mapping[str, Any], view: str) -> list[str]:
+    given = characteristic(subject.system.model) if view == "characteristic" else asked.get(view, ())
+    pair = [str(n) for n in checks.several(given, f"`{view}`")]
     if len(pair) != 2:
         raise ValueError(f"`{view}` has {len(pair)} names; a plane has two.")
     return pair

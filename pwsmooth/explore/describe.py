@@ -26,6 +26,22 @@ TITLES = {
     "layer": "Layer", "diagram": "Orbit diagram", "basins": "Basins", "section": "Poincaré section",
     "noise": "Under noise",
 }  # fmt: skip
+_MISSING = "No diagram, basins or section: "
+#: What the page says of itself.
+WORDS = {
+    "keys": [
+        ("Space", "play or pause"), (", .", "to the event before, after"), ("d", "orbit diagram"), ("b", "basins"),
+        ("Esc", "stop a computation"), ("Ctrl Z", "back"),
+        ("arrows", "in the phase plane: move the start; with Shift ten times"), ("?", "this list"),
+    ],
+    "figure": "Drawn by matplotlib in the package's style, with the script that makes it inside.",
+    "start": "Drag the ring or click: another start. ",
+    "band": "Band: it can stick there now.",
+    "basins": "↻ shows which orbit each start leads to; click or drag to follow one.",
+    "picked": "Back restores the old start; this one is the diagram's, at",
+    "live": "Computed anew when a parameter has rested",
+    "fit": "All of it, at the best scale",
+}  # fmt: skip
 
 
 def describe(subject: Subject, solution: Any = None, view: Any = "") -> dict[str, Any]:
@@ -45,6 +61,8 @@ def describe(subject: Subject, solution: Any = None, view: Any = "") -> dict[str
     axes = {name: _reach(subject.start[name], k, solution) for k, name in enumerate(states)}
     known: dict[str, Any] = {
         "title": subject.name,
+        "heading": (subject.name[:1].upper() + subject.name[1:]).replace(", ", " · "),
+        "words": WORDS,
         "note": subject.note,
         "view": str(system._view.title) if system._view else "",
         "time": str(model.time or "t"),
@@ -67,13 +85,16 @@ def describe(subject: Subject, solution: Any = None, view: Any = "") -> dict[str
         "switches": switches(model),
         "models": _models(subject, law, str(view or "")),
         "map": _map(subject, states),
-        "sketch": subject.sketch and {"shapes": subject.sketch.describe(), "note": subject.sketch.note},
+        "sketch": subject.sketch and {
+            "shapes": subject.sketch.describe(),
+            "note": subject.sketch.note and f"; {subject.sketch.note}",
+        },
         "law": law,
         "noise": "" if subject.noise is None else str(subject.noise),
         "eps": subject.eps,
         "read_only": subject.read_only,
         "locked": subject.read_only,
-        "command": subject.command or "pwsmooth explore SCENE",
+        "command": f"On another machine:\n{subject.command or 'pwsmooth explore SCENE'} --state ",
         "colours": {
             "right": plotting.COLOUR["right"], "left": plotting.COLOUR["left"], "stick": plotting.COLOUR["stick"],
             "line": plotting.COLOUR["mark"], "fast": plotting.COLOUR["fast"],
@@ -223,10 +244,12 @@ def _map(subject: Subject, states: list[str]) -> dict[str, Any]:
         ],
     }  # fmt: skip
     if subject.system.model.smoothing:
-        why = "a smoothed view runs on the stiff path, too slowly for a map that grows"
+        why = f"{_MISSING}a smoothed view runs on the stiff path, too slowly for a map that grows. "
         return known | {"ok": False, "why": why, "sections": []}
     if subject.period is None:
-        known["why"] = "no period: this system is not driven periodically, so that there are no strobes"
+        known["why"] = (
+            f"{_MISSING}no period: this system is not driven periodically, so that there are no strobes. "
+        )
     return known
 
 

@@ -150,18 +150,16 @@ def _layers(live: Live, switch: str, begin: float, end: float) -> str:
     """The layers at instants of the span in one frame: each array has a row for each."""
     times = np.linspace(begin, end, _LAYERS)
     found = [live.layer({"switch": switch, "t": float(t)}) for t in times]
-    header = {
-        key: [_rounded(h[key]) for h, _ in found]
-        for key in found[0][0]
-        if key not in ("kind", "switch", "pink")
-    }
+    header = {key: [_rounded(h[key]) for h, _ in found] for key in found[0][0] if key not in ("kind", "switch")}
     arrays = {name: np.stack([a[name][::4] for _, a in found]) for name in found[0][1] if name != "lam"}
     arrays["lam"] = found[0][1]["lam"][::4]
-    same = {key: found[0][0][key] for key in ("kind", "switch", "pink")}
+    same = {key: found[0][0][key] for key in ("kind", "switch")}
     return _text(pack({**same, "rows": header}, arrays, short=True))
 
 
 def _rounded(item: Any) -> Any:
+    if isinstance(item, str):
+        return item
     return [_rounded(value) for value in item] if isinstance(item, list) else float(f"{item:.5g}")
 
 

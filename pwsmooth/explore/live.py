@@ -21,7 +21,7 @@ from ..results.solution import Solution
 from ..sweep.contract import Window
 from ..sweep.of_solution import strobes
 from ..sweep.periodicity import Period
-from .describe import LIMITS, can_slide, switches
+from .describe import LIMITS, can_slide, characteristic, switches
 from .labels import short, written
 from .subject import Subject
 
@@ -48,13 +48,14 @@ class Live:
         self.solution: Solution | None = None
         self.period: float | None = None
         self._slaved: Any = None
+        self._characteristic = characteristic(subject.system.model)
 
     def orbit(self, asked: Mapping[str, Any]) -> Answer:
         """The orbit of `p`, `x0`, `t_span`, sampled for drawing in the `names`; a refusal has its sentence."""
         begun = time.perf_counter()
         try:
             p, x0, span = state_of(self.subject, asked)
-            names = [str(n) for n in checks.several(asked.get("names", ()), "`names`")]
+            names = self._drawn(asked)
             solution = self.subject.solve(span, x0, p, max_steps=LIMITS["steps"], max_seconds=LIMITS["seconds"])
             self.period = self.subject.period_at(p)
             solved = time.perf_counter()
@@ -79,6 +80,19 @@ class Live:
             header |= told
             arrays |= poses
         return header, arrays
+
+    def _drawn(self, asked: Mapping[str, Any]) -> list[str]:
+        """Names of what the views draw of a state: its curves, its planes, what noise moves."""
+        names = [n for key in ("names", "phase") for n in checks.several(asked.get(key, ()), f"`{key}`")]
+        names += self._characteristic
+        if self.subject.period is not None:
+            names += checks.several(
+                checks.mapping(asked.get("basins", {}), "`basins`").get("axes", ()), "`axes`"
+            )
+        noise = checks.mapping(asked.get("noise", {}), "`noise`")
+        if self.subject.noise is not None and "name" in noise:
+            names.append(noise["name"])
+        return list(dict.fromkeys(map(str, names)))
 
     def layer(self, asked: Mapping[str, Any]) -> Answer:
         """dh/dt over the multiplier of a switch at the time `t`, and with fast states at their equilibrium."""
@@ -105,8 +119,8 @@ class Live:
             "t": t,
             "now": [mult[j], float(np.interp(mult[j], _LAM, g))],
             "roots": _roots(g),
-            "h": float(h[0]),
-            "pink": "",
+            "said": f"t = {short(t)}, "
+            + ("on the surface" if abs(h[0]) < 1e-9 else f"off the surface, h = {short(h[0])}"),
         }
         if "box" in asked:
             pair = tuple(str(n) for n in checks.several(asked.get("phase", ()), "`phase`"))
@@ -116,7 +130,7 @@ class Live:
             slow = [x[solution.states.index(str(s))] for s in other.states]
             arrays["slaved"] = field_over(other, other.multipliers[k].residual, k, t, slow, mult, p, _LAM)
             header |= {"slaved_roots": _roots(arrays["slaved"])}
-            header["pink"] = f"; pink: {', '.join(map(written, self._fast))} at equilibrium"
+            header["said"] += f"; pink: {', '.join(map(written, self._fast))} at equilibrium"
         return header, arrays
 
     def sentence(self) -> Answer:

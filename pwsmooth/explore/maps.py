@@ -28,10 +28,12 @@ from .live import Answer, state_of, strobed_by
 from .subject import Subject
 
 _SLICE = 0.05  # s between two pieces
+_BEGIN = 28  # columns of the first picture of a diagram: they show where it goes, after 30 ms of work
 _STROBES = 5000  # of a section
 _REPEATS = 1e-9  # relative to 1 + abs(x): so nearly a section's last strobes repeat, where it ends
 _COARSEST = 64  # starts that one start stands for at first, along each axis of a basin
 _UNKNOWN = -9  # a start that has no label yet
+_STARTS = 9000  # columns of a diagram, eighty periods each, that cost as much as basins: 90 000 starts of eight
 _PATHS, _INSTANTS = 20, 601  # of the noise; as many kicks are drawn
 
 
@@ -60,9 +62,17 @@ class _Progress:
         rest = "" if finished or not self.said else f" {self.done} of {self.of} columns."
         hint = " Click: orbit there; drag: zoom." if self.said else ""
         cpu = time.process_time() - self.begun
-        left = cpu / self.done * (self.of - self.done) if cpu > 1 and self.done else 0.0
-        return {"done": self.done, "of": self.of, "cpu": cpu, "rest": left, "finished": finished,
-                "said": self.said + rest + hint}  # fmt: skip
+        each = cpu / max(1, self.done)
+        minutes = math.ceil(each * (self.of - self.done) / 60)
+        return {"done": self.done, "of": self.of, "cpu": cpu, "finished": finished, "said": self.said + rest + hint,
+                "long": f"↻ computes all of it, in {minutes} minutes or so. " if cpu > 1 and minutes > 1 else "",
+                "basins": _foretold(each * _STARTS)}  # fmt: skip
+
+
+def _foretold(seconds: float) -> str:
+    """How long basins will take; nothing where they are so quick that they begin by themselves."""
+    told = f"{seconds / 60:.0f} minutes" if seconds > 90 else "a minute"
+    return f"↻ shows which orbit each start leads to, in {told} or so." if seconds > 40 else ""
 
 
 def _returns(strobes: Mapping[str, Any]) -> str:
@@ -104,14 +114,15 @@ def diagram(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
 
 
 def _paced(plan: SweepPlan) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
-    """`refine`, whose first chunk has 40 points; of slow orbits, as the first one shows, fewer at a time."""
+    """`refine`, after a few columns at first; of slow orbits, as the first one shows, fewer at a time."""
     order, workers, begun = spread(plan.shape).tolist(), max(1, cores() - 1), time.perf_counter()
     ((which, found),) = refine(plan, order[:1])
     each = time.perf_counter() - begun
     if 40 * each < 1:
-        for more, values in refine(plan, order[1:], workers=workers):
-            yield np.append(which, more), {n: np.concatenate([found[n], v]) for n, v in values.items()}
-            which, found = which[:0], {n: v[:0] for n, v in found.items()}
+        for part in (order[1:_BEGIN], order[_BEGIN:]):
+            for more, values in refine(plan, part, workers=workers):
+                yield np.append(which, more), {n: np.concatenate([found[n], v]) for n, v in values.items()}
+                which, found = which[:0], {n: v[:0] for n, v in found.items()}
         return
     yield which, found
     size, done = max(1, int(_SLICE / each)), 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import importlib.util
 import re
 import sys
@@ -52,7 +53,7 @@ class Explorer:
         asked = {**self._state, **{k: latest[k] for k in SHOWN if k in latest}}
         subject = as_asked(self.subject, asked)
         known = describe(subject)
-        own = {k: known[k] for k in ("names", "phase", "characteristic")}
+        own = {k: known[k] for k in ("names", "phase")}
         own["switch"] = next(iter(known["switches"]), "")
         p, x0, span = state_of(subject, asked)
         return subject, {**own, **asked, "p": p, "x0": x0, "t_span": span}
@@ -96,9 +97,14 @@ class Explorer:
     def close(self) -> None:
         """End that page's server and processes."""
         if self._server is not None:
-            self._state = self.state
             self._server.stop()
-            self._server = None
+            self._ended()
+
+    def _ended(self) -> None:
+        """Keep what the page showed; a value that the system refuses is not kept."""
+        with contextlib.suppress(ValueError, TypeError):
+            self._state = self.state
+        self._server = None
 
 
 def explore(
@@ -203,7 +209,7 @@ def serve(
             webbrowser.open(server.url)
 
     asyncio.run(server.serve(told))
-    explorer._state, explorer._server = explorer.state, None
+    explorer._ended()
 
 
 def listing() -> str:

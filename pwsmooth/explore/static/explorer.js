@@ -1,12 +1,9 @@
 // The page: one state, which every view reads and every gesture writes; newest wins, one request in flight, one waiting.
-import { clamp, mixed, nearest, plain } from "./plot.js";
+import { clamp, mixed, nearest, plain, rowOf } from "./plot.js";
 import { VIEWS, button, choice, element, number } from "./views.js";
 
 const TONES = ["paper", "ink", "muted", "grid", "axis", "ghost", "curve", "bad", "brush"]; // of the style sheet
-const KEYS = {
-  Space: "play or pause", ", .": "to the event before, after", d: "orbit diagram", b: "basins", Esc: "stop a computation",
-  "Ctrl Z": "back", arrows: "in the phase plane: move the start; with Shift ten times", "?": "this list",
-};
+const COMPILING = "A model is compiled once per machine, in up to a minute ...";
 const ARRAYS = { f: Float32Array, b: Uint8Array, c: Int8Array, i: Int32Array, h: Uint16Array };
 
 // A frame: uint32 length, JSON header, arrays padded to 4.
@@ -24,7 +21,6 @@ function unpack(frame) {
   return [header, arrays];
 }
 
-const isPair = ([low, high]) => isFinite(low) && isFinite(high) && low < high;
 const mix = (ys, [k, w]) => ys[k - 1] + w * (ys[k] - ys[k - 1]);
 const table = (rows) => rows.flatMap(([key, what]) => [element("dt", key), element("dd", what)]);
 const details = (title, ...inside) => element("details", element("summary", title), ...inside);
@@ -34,14 +30,13 @@ class App {
   ghosts = [];
   past = [];
   timers = {};
-  orbit = null;
   inFlight = null;
   seq = 0;
   drawnSeq = 0;
   job = 0;
   layerAt = 0;
   sentence = "";
-  stats = { sent: 0, drawn: 0 };
+  drawn = 0;
   constructor(root, transport) {
     Object.assign(this, { root, transport });
     this.frame();
@@ -80,7 +75,6 @@ class App {
   }
 
   frame() {
-    const acts = { "Copy link": () => this.link(), "Copy as code": () => this.code(), "Save figure": () => this.save() };
     this.heading = element("h1", "pwsmooth explore");
     this.sub = element("p.sub");
     this.notice = element("p.notice", { role: "status" });
@@ -88,26 +82,23 @@ class App {
     this.playing = button("Play", () => this.play(), { title: "Space" });
     this.sliders = element("div.sliders");
     const handle = { className: "handle", "aria-expanded": "false", "aria-label": "all sliders" };
-    this.handle = button("", () => this.pull(), handle);
+    this.handle = button("━━━", () => this.pull(), handle);
     this.side = element("aside", { "aria-label": "parameters" }, this.handle, this.sliders);
     this.main = element("main");
     this.tabs = element("nav.tabs", { role: "tablist" });
     this.dialog = element("dialog");
     const bar = element(
       "div.actions", this.playing, button("Back", () => this.back(), { title: "Ctrl Z" }),
-      Object.entries(acts).map((act) => button(...act)), button("?", () => this.help(), { title: "Keys" }),
+      button("Copy link", () => this.link()), button("Copy as code", () => this.code()),
+      button("Save figure", () => this.save()), button("?", () => this.help(), { title: "Keys" }),
     );
     this.root.replaceChildren(
       element("header", element("div.title", this.heading, this.sub), bar), this.notice,
       element("div.work", this.side, element("div", this.said, this.tabs, this.main)), this.dialog,
     );
-    this.tell("Starting; where a model is compiled, once per machine, up to a minute ...", false, true);
+    this.tell(COMPILING, false, true);
     (this.transport.inside ? this.root : document).addEventListener("keydown", (e) => this.key(e));
-    let later = 0;
-    new ResizeObserver(() => {
-      cancelAnimationFrame(later);
-      later = requestAnimationFrame(() => this.drawAll());
-    }).observe(this.root);
+    new ResizeObserver(() => this.views.forEach((v) => this.redraw(v))).observe(this.root);
   }
   // `passing`: until the next scene comes.
   tell(text, bad = false, passing = false) {
@@ -154,13 +145,12 @@ class App {
     }
   }
   arrive(header, { t, status, values, pose, pose_t }) {
-    const { names } = header, part = (of, k, n) => of.subarray(k * n, (k + 1) * n), m = t.length;
-    const rows = new Map(names.map((n, k) => [n, part(values, k, m)]));
+    const { names } = header, rows = new Map(names.map((n, k) => [n, rowOf(values, k, t.length)]));
     this.arrived = { header, t, names, values: rows, raw: status, phase: this.asked?.phase || [] };
     if (header.pose) {
       // Rows of the pose: numbers that stay, or the next values at the times of the pose.
       let moving = 0;
-      const shapes = header.pose.map((still) => still ?? part(pose, moving++, pose_t.length));
+      const shapes = header.pose.map((still) => still ?? rowOf(pose, moving++, pose_t.length));
       this.arrived.pose = shapes;
       this.arrived.poseAt = (t) => {
         const place = this.place(t, pose_t);
@@ -182,7 +172,7 @@ class App {
     const [begin, end] = this.orbit.header.t_span;
     if (this.state.cursor < begin || this.state.cursor > end) this.state.cursor = end;
     for (const v of this.views) if (v.key !== "diagram") v.draw();
-    this.stats.drawn++;
+    this.drawn++;
     this.drawnAt = performance.now();
     this.numbers();
     this.askLayer();
@@ -219,7 +209,7 @@ class App {
     this.ghosts = [];
     this.locked = scene.locked; // what the page looks at, and does not change
     document.title = `${scene.title} · pwsmooth explore`;
-    this.heading.textContent = (scene.title[0].toUpperCase() + scene.title.slice(1)).replace(/, /g, " · ");
+    this.heading.textContent = scene.heading;
     this.sub.textContent = this.sub.title = scene.note;
     if (scene.told || this.passing) this.tell(scene.told || "");
     this.root.classList.toggle("alone", !!scene.alone);
@@ -275,7 +265,7 @@ class App {
       e.preventDefault();
     };
     const field = number(`${name}, value`, "", () => go(field.valueAsNumber, field), { id: `${id}-n` });
-    const line = element("input", {
+    const line = element("input.line", {
       type: "range", min: 0, max: 1000, step: 1, id, title: meaning, "aria-description": meaning, oninput: slide, onkeydown,
     });
     const said = element("p.why", { id: `${id}-w`, hidden: true }), [head, sub] = this.scene.labels[name];
@@ -289,20 +279,20 @@ class App {
         this.controls();
         this.of("diagram")?.draw();
       };
-      row.append(this.ends("ends", [min, max], [`smallest ${name} of the slider`, `largest ${name} of the slider`], reach));
+      row.append(this.ends("ends", [min, max], `slider of ${name}`, reach));
     }
     this.fields[key] = { row, said, number: field, set };
     set(this.state[group][name]);
     return row;
   }
   // Two fields of an interval.
-  ends(kind, pair, labels, change) {
+  ends(kind, pair, what, change) {
     const write = (k) => {
       const next = pair.with(k, fields[k].valueAsNumber);
-      if (isPair(next)) change((pair = next));
+      if (next.every(isFinite) && next[0] < next[1]) change((pair = next));
       else fields[k].value = plain(pair[k]);
     };
-    const fields = pair.map((v, k) => number(labels[k], plain(v), () => write(k)));
+    const fields = pair.map((v, k) => number(`${what}, ${k ? "to" : "from"}`, plain(v), () => write(k)));
     const show = (given) => fields.forEach((field, k) => (field.value = plain((pair = given)[k])));
     return Object.assign(element(`span.${kind}`, fields), { show });
   }
@@ -310,8 +300,7 @@ class App {
     const { scene, state } = this, menu = (text, ...what) => element("div.span", element("span", text), ...what);
     this.fields = {};
     const rows = scene.controls.map((c) => this.slider(c, "p")), starts = scene.starts.map((c) => this.slider(c, "x0"));
-    const ends = ["begin of the span", "end of the span"];
-    this.spanned = this.ends("pair", state.t_span, ends, (t_span) => this.set({ t_span }));
+    this.spanned = this.ends("pair", state.t_span, "span", (t_span) => this.set({ t_span }));
     const menus = scene.models.map((m) => menu(m.text, this.model(m)));
     this.table = element("dl");
     const more = rows.splice(12);
@@ -345,7 +334,7 @@ class App {
   turn(part) {
     if (this.locked) return;
     this.transport.send({ ...this.state, ...part, kind: "view", turned: "law" in part ? "law" : "view" });
-    this.tell("Deriving, compiling ...", false, true);
+    this.tell(COMPILING, false, true);
   }
   reset() {
     this.remember();
@@ -372,6 +361,7 @@ class App {
     const { said, number } = this.fields[field];
     said.replaceChildren(why, ...this.remedies(remedies));
     said.hidden = false;
+    said.scrollIntoView({ block: "nearest" });
     number.setAttribute("aria-invalid", "true");
     number.setAttribute("aria-describedby", said.id);
   }
@@ -388,8 +378,7 @@ class App {
     this.tabs.replaceChildren(...tabbed.map(tab));
     this.main.replaceChildren(...shown.map((v) => v.box));
     if (narrow) one?.box.before(this.tabs);
-    if (why && !this.mapped && !narrow)
-      this.main.append(element("p.missing", `No diagram, basins or section: ${why}. `, this.sections()));
+    if (why && !this.mapped) this.main.append(element("p.missing", why, this.sections()));
     this.tabs.querySelector('[aria-selected="true"]')?.scrollIntoView({ block: "nearest", inline: "center" });
     for (const name of ["top", "small", "maps"]) this.main.dataset[name] = shown.filter((v) => v.row === name).length;
     for (const v of this.views)
@@ -495,16 +484,14 @@ class App {
     this.remember(true);
     this.state.p[name] = value;
     this.begin(x0);
-    this.tell(`Start from the diagram, at ${this.written(name)} = ${plain(value)}. Back restores the old one.`);
+    this.tell(`${this.scene.words.picked} ${this.written(name)} = ${plain(value)}.`);
     this.later("gone", 5000, () => this.tell(""));
   }
 
   // ---- requests
   ask() {
     if (!this.state || this.lost) return;
-    const { scene } = this, s = structuredClone(this.state), noise = scene.noise ? [s.noise.name] : [];
-    const names = new Set([...s.names, ...s.phase, ...scene.characteristic, ...(scene.map.ok ? s.basins.axes : []), ...noise]);
-    this.waiting = { ...s, kind: "orbit", names: [...names] };
+    this.waiting = { ...structuredClone(this.state), kind: "orbit" };
     this.note();
     if (this.inFlight === null) this.send();
   }
@@ -512,7 +499,6 @@ class App {
     this.inFlight = ++this.seq;
     this.asked = { ...this.waiting, seq: this.seq };
     this.waiting = null;
-    this.stats.sent++;
     this.transport.send(this.asked);
   }
   // 30 a second at most.
@@ -538,6 +524,7 @@ class App {
   moved(anew = false) {
     if (!this.orbit || this.lost) return;
     for (const v of this.views) {
+      if (anew) v.refresh();
       if (!v.live || !v.box.isConnected || (v.key === "basins" && !v.job && !this.quick(v))) continue;
       if (!v.job || (v.stale && (anew || v.live.checked))) v.start(true);
       else v.draw();
@@ -546,12 +533,9 @@ class App {
   // Basins begin by themselves where they will not take long, as the other maps have shown.
   quick(view) {
     if (this.narrow.matches) return true;
-    const diagram = this.of("diagram"), h = diagram?.job?.header;
-    if (!h || diagram.id) return false;
-    const seconds = (h.cpu / h.done) * 9000; // 90 000 starts of eight periods, where a column has eighty
-    const told = seconds > 90 ? `${Math.round(seconds / 60)} minutes` : "a minute";
-    if (seconds > 40) view.say(`↻ shows which orbit each start leads to, in ${told} or so.`);
-    return seconds <= 40;
+    const diagram = this.of("diagram"), foretold = diagram?.id ? undefined : diagram?.job?.header?.basins;
+    if (foretold) view.say(foretold);
+    return foretold === "";
   }
 
   // ---- what views ask of an orbit
@@ -576,8 +560,8 @@ class App {
   }
   // Of a multiplier, at all points; null where it has none.
   status(name) {
-    const { raw, t } = this.orbit, m = t.length, j = Math.max(0, this.scene.multipliers.indexOf(name));
-    return (j + 1) * m <= raw.length ? raw.subarray(j * m, (j + 1) * m) : null;
+    const { raw, t } = this.orbit, found = rowOf(raw, Math.max(0, this.scene.multipliers.indexOf(name)), t.length);
+    return found.length ? found : null;
   }
   // At the cursor.
   statusOf(name) {
@@ -645,13 +629,12 @@ class App {
   // ---- dialogs
   link() {
     const hash = this.hash();
-    this.tellCode("Link", `${location.origin}/#s=${hash}`, `On another machine:\n${this.scene.command} --state ${hash}`);
+    this.tellCode("Link", `${location.origin}/#s=${hash}`, this.scene.command + hash);
   }
   // What a script or a figure is asked for.
   take(kind, view, format) {
-    const { state, scene: { characteristic } } = this;
-    const map = { ...state.basins, ...this.of("diagram")?.asked(), characteristic, cells: 300 };
-    this.transport.send({ ...state, ...map, kind, for: view, format });
+    const drawn = this.views.find((v) => v.key === view);
+    this.transport.send({ ...this.state, ...drawn.asked?.(), kind, for: view, format });
   }
   pick(then, names) {
     const views = this.views.filter((v) => !["section", "mechanism", "noise"].includes(v.key)).map((v) => [v.key, v.title]);
@@ -664,7 +647,7 @@ class App {
     this.take("code", "time");
   }
   save() {
-    this.saving = element("p.note", "Drawn by matplotlib in the package's style, with the script that makes it inside.");
+    this.saving = element("p.note", this.scene.words.figure);
     const draw = (view, format) => {
       this.saving.textContent = "Drawing ...";
       this.take("figure", view, format);
@@ -679,8 +662,7 @@ class App {
     setTimeout(() => URL.revokeObjectURL(href), 60000);
   }
   openDialog(title, ...inside) {
-    const close = element("button", { "aria-label": "close" }, "Close");
-    const form = element("form", { method: "dialog" }, element("h2", title), close);
+    const form = element("form", { method: "dialog" }, element("h2", title), element("button", "Close"));
     this.output = element("div");
     this.dialog.replaceChildren(form, ...inside, this.output);
     if (!this.dialog.open) this.dialog.showModal();
@@ -694,7 +676,7 @@ class App {
     if (more) this.output.append(element("pre", more));
   }
   help() {
-    this.openDialog("Keys", element("dl", table(Object.entries(KEYS))));
+    this.openDialog("Keys", element("dl", table(this.scene.words.keys)));
   }
 }
 export const mount = (root, transport) => new App(root, transport);

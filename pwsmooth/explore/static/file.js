@@ -13,8 +13,7 @@ const answers = {
   layer(m) {
     if (!layers[at].length) return;
     const [{ rows, ...same }, { lam, ...arrays }] = unpack(bytes(layers[at])), n = rows.t.length, k = place(rows.t, m.t);
-    const row = (v) => v.subarray((k * v.length) / n, ((k + 1) * v.length) / n);
-    hear(null, { ...same, ...mapped(rows, (v) => v[k]) }, { lam, ...mapped(arrays, row) });
+    hear(null, { ...same, ...mapped(rows, (v) => v[k]) }, { lam, ...mapped(arrays, (v) => rowOf(v, k, v.length / n)) });
   },
   diagram: (m) => setTimeout(() => diagram.forEach((f) => hear(bytes(f), { job: m.job }))),
 };

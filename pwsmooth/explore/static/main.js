@@ -11,7 +11,7 @@ globalThis.explorer = mount(document.getElementById("explorer"), {
     socket.binaryType = "arraybuffer";
     socket.onopen = () => socket.send(JSON.stringify({ token: sessionStorage.getItem("token") || "", state }));
     socket.onmessage = (e) => hear(e.data);
-    socket.onclose = (e) => lost([4403, 4429].includes(e.code) ? `${e.reason}.` : ended);
+    socket.onclose = (e) => lost(e.reason ? `${e.reason}.` : ended);
   },
   send(message) {
     if (socket.readyState === 1) socket.send(JSON.stringify(message));

@@ -33,6 +33,8 @@ export function range(values, first = 0, last = values.length, step = 1) {
   }
   return [low, high];
 }
+// Of rows of `n` values, the one with the number `k`.
+export const rowOf = (values, k, n) => values.subarray(k * n, (k + 1) * n);
 // The least interval with all of these in it; empty ones are [Infinity, -Infinity].
 export const hull = (intervals) => [range(intervals.map((i) => i[0]))[0], range(intervals.map((i) => i[1]))[1]];
 
@@ -98,13 +100,14 @@ export class Plot {
   // Whether there is room for a picture.
   measure() {
     const { width, height } = this.canvas.getBoundingClientRect(), ratio = globalThis.devicePixelRatio || 1;
+    if (width < 20 || height < 20) return false;
     const size = { width: Math.round(width * ratio), height: Math.round(height * ratio) };
     if (size.width !== this.canvas.width || size.height !== this.canvas.height) Object.assign(this.canvas, size);
     const w = width - this.left - this.right, h = height - this.top - this.bottom;
     Object.assign(this, { width, height, ratio, inner: [w, h] });
     Object.assign(this.x, { begin: this.left, size: w });
     Object.assign(this.y, { begin: this.top + h, size: -h });
-    return width > 20 && height > 20;
+    return true;
   }
   px(x) {
     return this.x.px(x);
@@ -128,16 +131,9 @@ export class Plot {
     const [across, across_power] = this.x.ticks(Math.max(2, w / 75)), [up, up_power] = this.y.ticks(Math.max(4, h / 38));
     for (const [t] of across) this.vertical(t, theme.grid);
     for (const [t] of up) this.horizontal(t, theme.grid);
-    ctx.save();
-    ctx.beginPath();
-    ctx.rect(left, top, w, h);
-    ctx.clip();
-    paint();
-    ctx.restore();
-
+    this.within(left, w, paint);
     const foot = top + h, right = left + w, label = `italic 12px ${theme.font}`;
-    this.line(left + 0.5, top, left + 0.5, foot + 0.5, theme.axis);
-    this.line(left, foot + 0.5, right, foot + 0.5, theme.axis);
+    this.path([[left + 0.5, top], [left + 0.5, foot + 0.5], [right, foot + 0.5]], theme.axis);
     ctx.font = label;
     const name = this.x.label && this.x.label + across_power, wide = ctx.measureText(name).width;
     this.write(name, right, foot + 5, "right", "top", theme.ink);
@@ -150,9 +146,19 @@ export class Plot {
     ctx.font = label;
     this.write(this.y.label + up_power, left + 6, top + 1, "left", "top", theme.ink, theme.paper);
   }
+  // What `paint` draws is cut to the frame, from `left` on as wide.
+  within(left, width, paint) {
+    const { ctx } = this;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(left, this.top, width, this.inner[1]);
+    ctx.clip();
+    paint();
+    ctx.restore();
+  }
   // `halo`: curves pass behind the text.
   write(text, x, y, textAlign, textBaseline, fillStyle = this.theme.muted, halo = "") {
-    Object.assign(this.ctx, { textAlign, textBaseline, fillStyle, strokeStyle: halo, lineWidth: 3 });
+    Object.assign(this.ctx, { textAlign, textBaseline, fillStyle, strokeStyle: halo, lineWidth: 5 });
     if (halo) this.ctx.strokeText(text, x, y);
     this.ctx.fillText(text, x, y);
   }
@@ -198,12 +204,9 @@ export class Plot {
     ctx.fillStyle = colour;
     ctx.fillRect(a, top, Math.max(b - a, 0.7), h);
     if (!hatched) return;
-    ctx.save();
-    ctx.beginPath();
-    ctx.rect(a, top, b - a, h);
-    ctx.clip();
-    for (let x = a - h; x < b; x += 7) this.line(x, top + h, x + h, top, this.theme.grid);
-    ctx.restore();
+    this.within(a, b - a, () => {
+      for (let x = a - h; x < b; x += 7) this.line(x, top + h, x + h, top, this.theme.grid);
+    });
   }
   dot(x, y, colour, radius = 5, open = false) {
     const { paper } = this.theme, circle = (ctx) => ctx.arc(near(this.px(x)), near(this.py(y)), radius, 0, 7);
@@ -230,8 +233,8 @@ export class Plot {
   // The straight line a x + b y + c = 0.
   straight([a, b, c], colour, dash) {
     if (Math.abs(b) < 1e-12 * Math.abs(a)) return this.vertical(-c / a, colour, dash);
-    const ends = [this.x.low, this.x.high].flatMap((x) => [this.px(x), this.py(-(a * x + c) / b)]);
-    this.line(...ends, colour, 1, dash);
+    const end = (x) => [this.px(x), this.py(-(a * x + c) / b)];
+    this.path([end(this.x.low), end(this.x.high)], colour, 1, dash);
   }
   image(bitmap, x0, y0, x1, y1) {
     const a = this.px(x0), b = this.py(y1);

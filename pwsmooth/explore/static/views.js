@@ -1,7 +1,6 @@
 // The views: what each draws of the state, and what a gesture on it changes. All read `app`, whose methods write the state.
-import { Plot, clamp, gestures, hull, mixed, nearest, range, rgb, shown } from "./plot.js";
+import { Plot, clamp, gestures, hull, mixed, nearest, range, rgb, rowOf, shown } from "./plot.js";
 
-const short = (v) => shown(v, Math.abs(v) || 1);
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 // A colour as a pixel of ImageData.
 const pixel = (colour, alpha = 255) => rgb(colour).reduce((sum, c, k) => sum + c * 256 ** k, alpha * 256 ** 3);
@@ -24,6 +23,10 @@ export const choice = (label, options, value, change) =>
     "select", { "aria-label": label, onchange: (e) => change(e.target.value) },
     options.map(([v, text]) => element("option", { value: v, selected: v === value }, text)),
   );
+
+// A button with a sign.
+const tool = (sign, title, onclick) => button(sign, onclick, { title, "aria-label": title });
+const picture = (kind, label, tabIndex) => element(kind, { tabIndex, role: "img", "aria-label": label });
 
 // A bitmap, whose pixels `fill` writes.
 function raster(width, height, fill) {
@@ -54,17 +57,17 @@ class View {
   scale() {}
   after() {}
   gestures() {
-    return { zoom: this.zooming };
+    return { zoom: this.zooming, click: (x, y) => this.begin(x, y, true) };
   }
   build() {
-    this.canvas = element("canvas", { tabIndex: 0, role: "img", "aria-label": this.title });
+    this.canvas = picture("canvas", this.title, 0);
     this.tools = element("span.tools");
     this.note = element("p.note");
     this.heading = element("h2", this.title);
     this.stage = element("div.stage", { onkeydown: (e) => this.keyed(e) }, this.canvas);
     const head = element("figcaption", this.heading, this.tools);
     this.box = element(`figure.${this.key}.${this.row}`, head, this.stage, this.note);
-    this.plot = new Plot(this.canvas);
+    this.plots = [(this.plot = new Plot(this.canvas))];
     const on = this.gestures();
     if (on) gestures(this.plot, on);
     for (const [label, key, options] of this.scene.menus[this.key] || []) {
@@ -72,7 +75,7 @@ class View {
       this.tools.append(choice(label, options, value, (v) => this.chosen(key.at(-1), v, this.app)));
     }
     this.fill(this.app);
-    if (on) this.tools.append(button("Fit", () => this.fit(), { title: "All of it, at the best scale" }));
+    if (on) this.tools.append(button("Fit", () => this.fit(), { title: this.scene.words.fit }));
   }
   // `step` by an arrow key, tenfold with Shift, tells false where it does nothing.
   keyed(e) {
@@ -84,12 +87,12 @@ class View {
     this.draw();
   }
   // Axes that follow the curves again.
-  refresh(plots = [this.plot]) {
-    for (const { x, y } of plots) for (const axis of [x, y]) axis.forget();
+  refresh() {
+    for (const { x, y } of this.plots) for (const axis of [x, y]) axis.forget();
   }
   draw() {
     const { app, plot } = this;
-    if (!this.box.isConnected || !plot.measure()) return;
+    if (!plot.measure()) return;
     [plot.x.label, plot.y.label] = this.pair.map((n) => app.unit(n));
     this.scale(plot, app);
     plot.draw(this.theme, () => this.paint(plot, app));
@@ -102,27 +105,36 @@ class View {
     this.canvas.setAttribute("aria-label", `${this.title}: ${y.label} over ${x.label}. ${more}`);
   }
   // Axes for these curves.
-  spread({ x, y }, [xs, ys], margin) {
+  spread({ x, y }, [xs, ys]) {
     if (!xs || !ys) return;
-    x.margin = margin;
+    x.margin = y.margin;
     x.cover(range(xs));
     y.cover(range(ys));
   }
   // Where an orbit begins.
+  get origin() {
+    return this.pair.map((n) => this.state.x0[n]);
+  }
   ring(plot) {
-    plot.dot(...this.pair.map((n) => this.state.x0[n]), this.theme.ink, 6, true);
+    plot.dot(...this.origin, this.theme.ink, 6, true);
   }
   // A place in the plane of two states.
   at(x, y) {
     return { [this.pair[0]]: x, [this.pair[1]]: y };
   }
-  get zooming() {
-    return (x, y, k) => {
-      this.plot.x.zoom(x, k);
-      this.plot.y.zoom(y, k);
-      this.draw();
-    };
+  // Whether a start can be chosen in it.
+  get free() {
+    const [a, b] = this.pair, { states } = this.scene;
+    return !this.app.locked && states.includes(a) && states.includes(b) && a !== b;
   }
+  begin(x, y, ghost) {
+    if (this.free) this.app.begin(this.at(x, y), ghost);
+  }
+  zooming = (x, y, k) => {
+    this.plot.x.zoom(x, k);
+    this.plot.y.zoom(y, k);
+    this.draw();
+  };
 }
 
 // Time series: one strip a name, on one axis of time.
@@ -147,9 +159,9 @@ class Time extends View {
       box.checked = names.includes(box.value);
       box.disabled = !box.checked && last > 2;
     }
-    this.strips = names.map((name, k) => {
+    this.plots = names.map((name, k) => {
       const label = `${app.written(name)} over time`, kind = k === last ? "canvas.last" : "canvas";
-      const plot = new Plot(element(kind, { tabIndex: k ? -1 : 0, role: "img", "aria-label": label }));
+      const plot = new Plot(picture(kind, label, k ? -1 : 0));
       if (k < last) plot.bottom = 10;
       plot.x.label = k < last ? "" : app.written(this.scene.time);
       plot.y.label = app.unit(name);
@@ -157,19 +169,14 @@ class Time extends View {
       gestures(plot, { press: point, move: point, zoom: this.zooming, fit: () => this.fit() });
       return Object.assign(plot, { name });
     });
-    this.stage.replaceChildren(...this.strips.map((s) => s.canvas));
-    this.plot = this.strips[0];
+    this.stage.replaceChildren(...this.plots.map((p) => p.canvas));
+    this.plot = this.plots[0];
     this.canvas = this.plot.canvas;
   }
-  get zooming() {
-    return (at, y, factor) => {
-      for (const { x } of this.strips) x.zoom(at, factor, this.orbit?.header.asked);
-      this.draw();
-    };
-  }
-  refresh() {
-    super.refresh(this.strips);
-  }
+  zooming = (at, y, factor) => {
+    for (const { x } of this.plots) x.zoom(at, factor, this.orbit?.header.asked);
+    this.draw();
+  };
   step([way], size) {
     const { low, high } = this.plot.x;
     if (way) this.app.point(this.state.cursor + (way * (high - low) * size) / 500);
@@ -177,10 +184,10 @@ class Time extends View {
   }
   draw() {
     const { app, orbit, theme } = this, { names, cursor } = this.state, h = orbit?.header;
-    if (!orbit || !this.box.isConnected) return;
-    if (this.strips.map((s) => s.name).join() !== names.join()) this.strip();
+    if (!orbit) return;
+    if (this.plots.map((p) => p.name).join() !== names.join()) this.strip();
     const held = mixed(theme.paper, this.scene.colours.stick, theme.dark ? 0.28 : 0.16);
-    for (const plot of this.strips) {
+    for (const plot of this.plots) {
       const ys = orbit.values.get(plot.name), { x, y } = plot;
       if (!ys || !plot.measure()) continue;
       x.settle(h.asked);
@@ -215,13 +222,11 @@ class Characteristic extends View {
     return this.pair.map((n) => this.orbit?.values.get(n));
   }
   scale(plot) {
-    this.spread(plot, this.curves, 0.06);
+    this.spread(plot, this.curves);
   }
-  below() {}
   paint(plot, app) {
     const { orbit, theme, pair } = this, [xs, ys] = this.curves;
     if (!xs || !ys) return;
-    this.below(plot);
     const ghosts = app.ghosts.map((ghost) => pair.map((n) => ghost.get(n)));
     for (const [xs, ys] of ghosts) if (xs && ys) plot.curve(xs, ys, theme.ghost, 1);
     const status = app.status(this.state.switch);
@@ -245,49 +250,37 @@ class Phase extends Characteristic {
     this.refresh();
     app.set({ phase: this.pair.with(k, name) });
   }
-  // Whether a start can be chosen in it.
-  get free() {
-    const [a, b] = this.pair, { states } = this.scene;
-    return !this.app.locked && states.includes(a) && states.includes(b) && a !== b;
-  }
-  begin(x, y, ghost) {
-    if (this.free) this.app.begin(this.at(x, y), ghost);
-  }
   gestures() {
     return {
-      zoom: this.zooming,
+      ...super.gestures(),
       press: (x, y, px, py) => {
-        const [a, b] = this.pair.map((n) => this.state.x0[n]);
+        const [a, b] = this.origin;
         return this.free && Math.hypot(this.plot.px(a) - px, this.plot.py(b) - py) < 18;
       },
       move: (x, y) => this.begin(x, y),
-      click: (x, y) => this.begin(x, y, true),
     };
   }
   step(way, size) {
-    const axes = [this.plot.x, this.plot.y], { x0 } = this.state;
-    this.begin(...this.pair.map((n, k) => x0[n] + (way[k] * size * (axes[k].high - axes[k].low)) / 200));
+    const axes = [this.plot.x, this.plot.y];
+    this.begin(...this.origin.map((v, k) => v + (way[k] * size * (axes[k].high - axes[k].low)) / 200));
     return this.free;
   }
-  // Surfaces, and the pieces of them on which it slides at the cursor's time.
-  below(plot) {
-    const { orbit } = this;
-    if (orbit.phase.join() !== this.pair.join()) return;
-    for (const line of orbit.header.lines) plot.straight(line, this.theme.muted, [5, 4]);
+  // Below the orbit surfaces, and the pieces of them on which it slides at the cursor's time.
+  paint(plot, app) {
+    const { orbit, theme } = this, drawn = orbit?.phase.join() === this.pair.join();
+    for (const line of drawn ? orbit.header.lines : []) plot.straight(line, theme.muted, [5, 4]);
     plot.ctx.globalAlpha = 0.3;
-    for (const ends of this.sliding) {
-      const [x0, y0, x1, y1] = ends.map((v, k) => (k % 2 ? plot.py(v) : plot.px(v)));
-      plot.line(x0, y0, x1, y1, this.app.phases[0], 9);
-    }
+    for (const [x0, y0, x1, y1] of this.sliding) plot.curve([x0, x1], [y0, y1], app.phases[0], 9);
     plot.ctx.globalAlpha = 1;
+    super.paint(plot, app);
   }
   get sliding() {
     const h = this.app.layer?.header;
     return h?.plane?.join() === this.pair.join() ? h.sliding : [];
   }
   after(app) {
-    const drag = this.free ? "Drag the ring or click: another start. " : "";
-    this.say(drag + (this.sliding.length ? "Band: it can stick there now." : ""), app.sentence);
+    const { start, band } = this.scene.words;
+    this.say((this.free ? start : "") + (this.sliding.length ? band : ""), app.sentence);
   }
 }
 
@@ -320,30 +313,22 @@ class Layer extends View {
     plot.dot(...now, theme.ink, 4.5);
   }
   after({ layer }) {
-    if (!layer) return;
-    const { t, h, pink } = layer.header, where = Math.abs(h) < 1e-9 ? "on the surface" : `off the surface, h = ${short(h)}`;
-    this.say(`t = ${short(t)}, ${where}${pink}`);
+    if (layer) this.say(layer.header.said);
   }
 }
 
 // A map of the maps' process: what it was asked, how far it is, whether the state has moved on.
 class Grown extends View {
   row = "maps";
-  job = null;
-  halted = "";
-  asked() {
-    return {};
-  }
+  asked() {}
   fill(app) {
     this.bar = element("progress", { max: 1, value: 0, "aria-label": "progress" });
     this.stage.append(this.bar);
     this.tools.hidden = !!this.scene.alone;
     this.live = element("input", { type: "checkbox", checked: this.key !== "basins", onchange: () => app.moved() });
-    const anew = { title: "Compute", "aria-label": `compute: ${this.title}` };
-    this.tools.append(
-      element("label", { title: "Computed anew when a parameter has rested" }, this.live, " live"),
-      button("↻", () => this.start(), anew),
-    );
+    const anew = tool("↻", `Compute: ${this.title}`, () => this.start());
+    this.tools.append(element("label", { title: this.scene.words.live }, this.live, " live"), anew);
+    this.restart();
   }
   // What of the state the picture depends on, as text.
   depends(more) {
@@ -388,9 +373,9 @@ class Grown extends View {
     this.take(arrays, header);
     this.app.redraw(this);
     // What nobody asked for must not take minutes.
-    if (this.auto && header.rest > 60) {
+    if (this.auto && header.long) {
       this.halt();
-      this.halted = `↻ computes all of it, in ${Math.ceil(header.rest / 60)} minutes or so. `;
+      this.halted = header.long;
       this.app.moved();
     }
   }
@@ -417,14 +402,14 @@ class Grown extends View {
 }
 
 class Diagram extends Grown {
-  columns = new Map();
   get pair() {
     return [this.ignored, this.state.diagram.y];
   }
   chosen(key, value, app) {
+    this.refresh();
     if (key !== "y") return app.setMap("diagram", key === "carry" ? { carry: +value } : { parameter: value, range: null });
     app.setMap("diagram", { y: value }, false);
-    this.fit();
+    this.draw();
   }
   get ignored() {
     return this.state.diagram.parameter;
@@ -440,12 +425,12 @@ class Diagram extends Grown {
   restart() {
     super.restart();
     this.columns = new Map();
-    this.plot.y.forget();
+    this.plot.y.used = null; // a zoom into a box stays
     this.picked = false;
   }
   take({ column = [], points, last }, { names: { length: n } }) {
-    const m = points && points.length / column.length, part = (of, k, m) => of.subarray(k * m, (k + 1) * m);
-    column.forEach((c, k) => this.columns.set(c, { points: part(points, k, m), last: part(last, k, n) }));
+    const m = points && points.length / column.length;
+    column.forEach((c, k) => this.columns.set(c, { points: rowOf(points, k, m), last: rowOf(last, k, n) }));
   }
   gestures() {
     return {
@@ -578,12 +563,10 @@ class Basins extends Grown {
     this.bitmap = raster(n, n, (pixels) => shade.forEach((s, at) => (pixels[place(at)] = colour(s, at))));
   }
   gestures() {
-    const { app } = this, { x: across, y: up } = this.plot;
-    const go = (x, y) => void (app.locked || app.begin(this.at(x, y)));
-    const zoomed = () => app.setMap("basins", { ranges: [across, up].map((axis) => [axis.low, axis.high]) });
+    const { x, y } = this.plot, go = (x, y) => this.begin(x, y);
     const zoom = (...by) => {
       this.zooming(...by);
-      app.later("zoom", 500, zoomed);
+      this.app.later("zoom", 500, () => this.app.setMap("basins", { ranges: [[x.low, x.high], [y.low, y.high]] }));
     };
     return { press: go, move: go, zoom };
   }
@@ -609,18 +592,17 @@ class Basins extends Grown {
       for (const c of h.cycles) plot.dot(...axes.map((k) => c.x[k]), ink, 4.5);
     }
     const [xs, ys] = pair.map((n) => app.strobed(n));
-    plot.path(xs.map((x, k) => [plot.px(x), plot.py(ys[k])]), muted, 0.7);
+    plot.curve(xs, ys, muted, 0.7);
     xs.forEach((x, k) => plot.dot(x, ys[k], ink, 2.2));
     this.ring(plot);
   }
   after(app) {
     if (this.job) super.after(app);
-    else this.say("↻ shows which orbit each start leads to; click or drag to follow one.");
+    else this.say(this.scene.words.basins);
   }
 }
 
 class Section extends Grown {
-  points = [];
   get pair() {
     const { phase } = this.state, { states } = this.scene;
     return phase.every((n) => states.includes(n)) ? phase : states.slice(0, 2);
@@ -633,9 +615,6 @@ class Section extends Grown {
   take({ points }) {
     if (points) this.points.push(points);
   }
-  gestures() {
-    return { zoom: this.zooming, click: (x, y) => this.app.locked || this.app.begin(this.at(x, y), true) };
-  }
   // The values of one state.
   series(name) {
     const names = this.job?.header?.names || [], j = names.indexOf(name);
@@ -643,7 +622,7 @@ class Section extends Grown {
   }
   scale(plot) {
     this.rows = this.pair.map((n) => this.series(n));
-    this.spread(plot, this.rows, 0.08);
+    this.spread(plot, this.rows);
   }
   paint(plot) {
     const [xs, ys] = this.rows;
@@ -658,7 +637,6 @@ class Section extends Grown {
 // Paths under noise, their mean, and the orbit without it.
 class Noise extends Grown {
   row = "noise";
-  paths = [];
   get pair() {
     return [this.scene.time, this.state.noise.name];
   }
@@ -704,7 +682,6 @@ class Noise extends Grown {
 class Mechanism extends View {
   row = "top";
   fill(app) {
-    const tool = (text, title, act) => button(text, act, { title, "aria-label": title });
     this.toggle = tool("▶", "play or pause", () => app.play());
     const before = tool("◂", "event before", () => app.event(-1)), next = tool("▸", "next event", () => app.event(1));
     this.tools.append(before, this.toggle, next);
@@ -714,7 +691,7 @@ class Mechanism extends View {
   draw() {
     const { app, plot, orbit, theme } = this, { x, y, ctx } = plot;
     const { shapes, note } = this.scene.sketch, { cursor } = this.state;
-    if (!orbit?.pose || !this.box.isConnected || !plot.measure()) return;
+    if (!orbit?.pose || !plot.measure()) return;
     // The room that the motion needs does not shrink; one scale for both axes.
     this.reach = orbit.header.reach.map((v, k) => (k % 2 ? Math.max : Math.min)(v, this.reach?.[k] ?? v));
     const [l, r, b, u] = this.reach, k = Math.min(plot.width / (r - l), plot.height / (u - b));
@@ -736,7 +713,7 @@ class Mechanism extends View {
       ctx.restore();
     }
     this.toggle.textContent = app.clock ? "❚❚" : "▶";
-    this.note.textContent = `t = ${short(cursor)}${note ? `; ${note}` : ""}`;
+    this.note.textContent = `t = ${shown(cursor, Math.abs(cursor) || 1)}${note}`;
   }
   shape({ kind, width, height, radius, mark, phase }, k, d, travel, back) {
     const { plot, app, theme: { ink, axis, paper }, tones: { fill, steel, force } } = this;
