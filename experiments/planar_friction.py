@@ -11,8 +11,12 @@ Then a block at rest on an incline with four fifths of the slope that friction h
 soft contacts are a case of it where it is installed, with its defaults, with impratio = 100 and with its no-slip
 iterations.
 
+And what a period of stick and slip in the plane costs beside one on a line with as many events (a cubic spring, whose
+field is as little linear): over drives z'' + z = a cos(W t) + i b sin(W t) - lambda, with slips that begin slowly and
+that spiral into rest among them.
+
 Expected: events reach 1e-11; Moreau's error is of first order in the step, smoothing's of order 4/5 in eps; what is
-smoothed creeps, and what has a set-valued law does not.
+smoothed creeps, and what has a set-valued law does not. A period in the plane costs at most 8 of those on a line.
 
 Usage: python experiments/planar_friction.py [--fast] [--out DIR] [--draw FILE.json]
 """
@@ -30,6 +34,7 @@ from numba import njit
 from scipy.integrate import solve_ivp
 from studytools import Study, claim, command
 
+from pwsmooth import Disc, Switch, System, solve
 from pwsmooth.laws.friction import Coulomb
 from pwsmooth.plotting import COLOUR, new_figure
 from pwsmooth.scenes import incline, planar_oscillator, t
@@ -52,10 +57,16 @@ class Config:
     tolerances: tuple[float, ...] = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)
     repeats: int = 5
     rest: float = 100.0
+    drives: tuple[tuple[float, float, float], ...] = (
+        (1.6, 0.5, 0.25), (1.6, 0.2, 0.25), (1.6, 0.1, 0.25), (1.3, 0.2, 0.25), (1.2, 0.8, 0.5), (1.6, 0.3, 0.5),
+        (1.4, 0.6, 0.25), (1.6, 0.8, 0.25), (1.3, 0.3, 0.5),
+    )  # fmt: skip
+    periods: int = 200
+    rounds: int = 25
 
 
 FAST = Config(rtols=(1e-6, 1e-10), steps=(300, 3000, 30000), widths=(1e-2, 1e-3, 1e-4), tolerances=(1e-6,), repeats=1,
-              rest=10.0)  # fmt: skip
+              rest=10.0, drives=((1.6, 0.5, 0.25), (1.3, 0.3, 0.5)), periods=50, rounds=3)  # fmt: skip
 
 
 @njit(cache=False)
@@ -148,9 +159,46 @@ def costs(config):
 
 
 def planar(system, scene):
-    from pwsmooth import solve
-
     return solve(system, scene.t_span, scene.start, rtol=1e-9, atol=1e-11)
+
+
+def periods(config):
+    """Microseconds, events and steps of a period of each drive, and of the one on a line; rounds are interleaved."""
+    a, b, W = sp.symbols("a b Omega", real=True)
+    x, y, v, w = sp.symbols("x y v w", real=True)
+    lam, s = Disc("lam", (v, w)), Switch("s", v)
+    forces = {x: a * sp.cos(W * t), y: b * sp.sin(W * t)}
+    plane = System({x: v, y: w, v: forces[x] - x - lam[0], w: forces[y] - y - lam[1]}, time=t,
+                   parameters={a: 1.6, b: 0.5, W: 0.25})  # fmt: skip
+    line = System({x: v, v: forces[x] - x - x**3 / 20 - 4 * s / 5}, time=t, parameters={a: 1.6, W: 0.25})
+    runs = [("on a line", line, START[::2], {a: 1.6, W: 0.25})]
+    runs += [(f"{A:g}, {B:g}, {w_:g}", plane, START, {a: A, b: B, W: w_}) for A, B, w_ in config.drives]
+    rows = []
+    for rtol in (1e-12, 1e-9):
+        best = [math.inf] * len(runs)
+        for _ in range(1 + config.rounds):  # the first one compiles
+            for k, (_, system, start, values) in enumerate(runs):
+                span = (0, 2 * math.pi / values[W] * config.periods)
+                begin = time.process_time()
+                found = solve(system, span, start, parameters=values, rtol=rtol, atol=rtol, dense_output=False)
+                best[k] = min(best[k], time.process_time() - begin)
+                n = config.periods
+                if len(rows) < (1 if rtol == 1e-12 else 2) * len(runs):
+                    rows.append({"drive": runs[k][0], "rtol": rtol, "events": len(found.events) / n,
+                                 "steps": len(found.t) / n, "to_rest": steps_to_rest(found)})  # fmt: skip
+        for row, least in zip(rows[-len(runs) :], best):
+            row["us"] = 1e6 * least / config.periods
+            row["ratio"] = (
+                row["us"] / row["events"] / (best[0] * 1e6 / config.periods / rows[-len(runs)]["events"])
+            )
+    return rows
+
+
+def steps_to_rest(found):
+    """The most steps that a slip takes from where it is fastest to rest."""
+    speed = np.linalg.norm(found.x[len(found.x) // 2 :], axis=0)
+    stops = np.searchsorted(found.t, [e.time for e in found.events if e.kind == "stick"])
+    return max(int(end - begin - np.argmax(speed[begin:end])) for begin, end in zip([0, *stops], stops))
 
 
 def cheapest(points, method):
@@ -177,8 +225,6 @@ def creep(config):
         x += 1e-3 * v
     rows["Moreau, step 1 ms"] = x
     for eps in (1e-2, 1e-4):
-        from pwsmooth import solve
-
         rows[f"smoothed, eps = {eps:g} m/s"] = float(
             solve(scene.system.smoothed(eps), scene.t_span, scene.start).x[0, -1]
         )
@@ -218,7 +264,13 @@ def run(config):
         peer = version("mujoco")
     except PackageNotFoundError:
         peer = None
-    return {"points": costs(config), "creep": creep(config), "rest": config.rest, "mujoco": peer}
+    return {
+        "points": costs(config),
+        "creep": creep(config),
+        "periods": periods(config),
+        "rest": config.rest,
+        "mujoco": peer,
+    }
 
 
 def order(points, method, settings, most):
@@ -239,6 +291,9 @@ def claims(data):
     smooth = order(points, "smoothed, own path", lambda eps: eps, 0.1)
     least = min(p["seconds"] for p in points if p["method"] == "event-driven" and p["error"] < 1e-6)
     rest = data["creep"]
+    tight = [r for r in data["periods"] if r["rtol"] == 1e-12 and r["drive"] != "on a line"]
+    cost = [r["ratio"] for r in tight]
+    steps = max(r["to_rest"] for r in data["periods"])
     creep_of = abs(rest["smoothed, eps = 0.01 m/s"]) / (0.01 * 0.8 / 0.6 * data["rest"])
     return [
         claim(
@@ -261,6 +316,15 @@ def claims(data):
             "a compiled loop without overhead is quick where its error happens to cross zero",
         ),
         claim(
+            "A period in the plane costs at most 8 of those on a line", "as many events, rtol = 1e-12",
+            ", ".join(f"{r:.1f}" for r in cost), max(cost) <= 8,
+            "a slip that spirals into rest or begins slowly takes more",
+        ),
+        claim(
+            "A stop takes at most 25 steps", "from where the slip is fastest to rest", f"{steps} at most", steps <= 25,
+            "a spiral has more turns",
+        ),
+        claim(
             "A block at rest stays by events and by Moreau's projection", "the law",
             f"{rest['event-driven']:g} m and {rest['Moreau, step 1 ms']:g} m in {data['rest']:g} s",
             rest["event-driven"] == 0 == rest["Moreau, step 1 ms"], "it moves", origin="derived",
@@ -278,8 +342,22 @@ def ratio(points, method, least):
 
 
 def draw(data):
-    figure = new_figure(7.4, 3.4)
-    left, right = figure.subplots(1, 2, width_ratios=(1.25, 1))
+    figure = new_figure(7.4, 5.6)
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1), height_ratios=(1.5, 1))
+    left, right, below = (figure.add_subplot(part) for part in (grid[0, 0], grid[0, 1], grid[1, :]))
+    drives = [r["drive"] for r in data["periods"] if r["rtol"] == 1e-12][1:]
+    for k, (rtol, colour) in enumerate(((1e-12, "exact"), (1e-9, "time stepping"))):
+        ratios = [r["ratio"] for r in data["periods"] if r["rtol"] == rtol][1:]
+        places = np.arange(len(ratios)) + 0.36 * (k - 0.5)
+        below.bar(places, ratios, 0.34, color=COLOUR[colour], label=f"rtol = {rtol:g}")
+        for place, r in zip(places, ratios):
+            below.text(place, r + 0.2, f"{r:.1f}", ha="center", fontsize=7,
+                       bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6})  # fmt: skip
+    below.axhline(8, color="0.4", linewidth=0.8, linestyle="--", zorder=0)
+    below.set_xticks(range(len(drives)), [d.replace(", ", "\n") for d in drives], fontsize=7)
+    below.set(xlabel="drive: a, b, W", ylabel="cost of a period\n(of one on a line)")
+    below.legend(loc="upper left", fontsize=7)
+    below.set_ylim(0, 1.35 * max(r["ratio"] for r in data["periods"]))
     for method, (colour, mark) in STYLE.items():
         front = cheapest(data["points"], method)
         left.loglog([1e3 * p["seconds"] for p in front], [p["error"] for p in front], mark + "-", color=COLOUR[colour],

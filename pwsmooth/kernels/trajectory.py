@@ -208,6 +208,7 @@ def propose(P, C, S, R, W):
     span, h, singular = 1.0 + abs(S.t), math.nan, False
     from_rest = P.discs != 0 and _begins_to_slip(P, S)
     if from_rest:
+        W.onset.least = 0.0
         # Behind a pass within rounding the last step says nothing of what is ahead.
         h = call_onset(
             P.onset_unit, P, C, S, W, min(max(S.step, 1e-3 * span), min(C.max_step, step.stop - S.t))
@@ -251,6 +252,7 @@ def propose(P, C, S, R, W):
             return AGAIN if code == GO_ON else code
         stiff, longest = is_stiff(P, S, W, h)
         if stiff and step.time_row < 0 and step.kind != PAIR:
+            W.onset.least = WORTH * h
             longer = call_onset(P.onset_unit, P, C, S, W, min(longest, min(C.max_step, step.stop - S.t)))
             if longer > WORTH * h:
                 h, unsure = longer, 0

@@ -147,6 +147,7 @@ class Onset(Bundle):
     goes_on: "int"  # whether all slips have begun before
     rests: "int"  # whether the slip begins without acceleration
     solves: "int"  # whether it solves for multipliers
+    least: "float"  # length of a step that is worth its cost
     narrow: "int"  # states by which Newton's method knows the slopes
     x: "f8[onset]"  # at its start
     first: "f8[onset]"  # rates there

@@ -38,6 +38,7 @@ _ALIKE = 1e-8  # of the way since the start: what Newton's method is content wit
 _CHANGED = 1e-12  # of that way: the last change of Newton's method
 _LEFT = 0.1  # of |h|, that a first guess keeps
 _HELD = 1e-10  # of the multipliers of other sticks: roundings of a direction are no less
+_ALL_BUT_FITS = 1e3  # such a misfit is of a step that was only too long
 _DEFECT = 10.0  # tolerances: that of the polynomial, whose order is half of that of the step's end
 
 
@@ -471,6 +472,18 @@ def _misfit(P, C, S, W, h):
 
 
 @kernel
+def _guess_by_longer(P, W, h):
+    """Overwrites onset.y, the states at the nodes, by the polynomials of a step that was too long."""
+    rows = W.step.rows
+    for q in range(STAGES):
+        for i in range(P.n):
+            value = rows[i, STAGES]
+            for c in range(STAGES - 1, -1, -1):
+                value = value * NODES[q] * h + rows[i, c]
+            W.onset.y[q, i] = value
+
+
+@kernel
 def _restore(P, S, W):
     for i in range(P.n):
         S.x[i] = W.onset.x[i]
@@ -480,7 +493,7 @@ def _restore(P, S, W):
 
 @unit(types.float64, Problem, Control, State, Work, types.float64)
 def onset(P, C, S, W, longest):
-    """Overwrites W.step by the first step of a slip, of at most `longest`; returns its length, 0 if there is none."""
+    """Overwrites W.step by the first step of a slip, from W.onset.least to `longest`; returns its length, 0 if none."""
     start, n, t = W.onset, P.n, S.t
     start.solves, start.goes_on = 0, 1
     for i in range(n):
@@ -520,12 +533,16 @@ def onset(P, C, S, W, longest):
                 if excess > 0.0:
                     h = min(h, stiff * ahead / excess)
         S.t = t
+    misfit = math.inf
     for _ in range(_TRIES):
         _restore(P, S, W)
-        for j in range(P.m):
-            if begins(P, S, j) or (start.goes_on and start.slow[j]):
-                S.mult[j] = INSIDE
-        _guess(P, S, W, h)
+        if misfit < _ALL_BUT_FITS:
+            _guess_by_longer(P, W, h)
+        else:
+            for j in range(P.m):
+                if begins(P, S, j) or (start.goes_on and start.slow[j]):
+                    S.mult[j] = INSIDE
+            _guess(P, S, W, h)
         for j in range(P.m):
             S.mult[j] = start.mult[j]
         misfit = math.inf
@@ -537,7 +554,7 @@ def onset(P, C, S, W, longest):
             W.step.kind, W.step.mult_row = START, n
             return h
         h *= max(0.25, 0.9 * misfit**-0.125) if misfit < math.inf else 0.25
-        if h <= 1e-14 * (1.0 + abs(t)):
+        if h <= max(start.least, 1e-14 * (1.0 + abs(t))):
             break
     # What is left is a body at rest, where lambda = h/|h| has no value.
     for j in range(P.m):
