@@ -15,11 +15,7 @@ from ..surface.pair import DEGREE, STAGES, errors, interpolant, stage_point
 from ..surface.sliding import INSIDE, mask_solved
 from .recording import keep_dense, sample
 
-_RTOL, _LEAST = (
-    1e4,
-    1e-9,
-)  # in rtol, and at least: the tolerance of the time in units of |h|, of which little is left
-_DIRECTION = 1e-6  # what is enough of the direction at its end
+_TOLERANCE, _DIRECTION = 1e-8, 1e-6  # of the time, and what is enough of the direction at its end
 _CLOSED = -16.0  # of log(r/r1): what is left does not matter
 _STRAIGHT = 1e-5  # of the angle off the direction in which it ends
 _BENT = 1e-9  # of n.G, what that takes from it
@@ -77,15 +73,15 @@ def _closing_rates(P, S, W, j, size, y, out, stage):
 
 
 @kernel
-def _step_error(W, d, n, step, tolerance):
+def _step_error(W, d, n, step):
     """The error of the step just made; that of the direction matters less as less is left."""
     y, k, fifth, third = W.closing_y, W.closing_k, 0.0, 0.0
-    direction = min(_DIRECTION, tolerance * math.exp(-min(y[_LOG], 0.0)))
+    direction = min(_DIRECTION, _TOLERANCE * math.exp(-min(y[_LOG], 0.0)))
     for i in range(_X + n):
         if d <= i < _LOG:
             continue
         e5, e3 = errors(k, i)
-        scale = direction if i <= _LOG else tolerance
+        scale = direction if i <= _LOG else _TOLERANCE
         fifth, third = max(fifth, abs(e5) / scale), max(third, abs(e3) / scale)
         if not fifth + third < math.inf:
             return math.inf
@@ -232,7 +228,7 @@ def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
     pull = max(fastest, pull_of(P, W, j))
     W.layer.pace = 1.0 / fastest
     along = _closing_rates(P, S, W, j, size, y, k, 0)
-    step, accuracy = 0.2 / (W.layer.pace * pull), min(_DIRECTION, max(_LEAST, _RTOL * C.rtol))
+    step = 0.2 / (W.layer.pace * pull)
     for i in range(P.m):
         W.step.mult[i] = S.mult[i]
     for _ in range(most):
@@ -240,7 +236,7 @@ def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
         for s in range(1, STAGES + 1):
             stage_point(y, k, s, _X + n, step, new)
             along = _closing_rates(P, S, W, j, size, new, k, s)
-        error = _step_error(W, d, n, step, accuracy)
+        error = _step_error(W, d, n, step)
         if not error <= 1.0:
             along = before
             step = next_step(step, error)

@@ -39,6 +39,7 @@ _CHANGED = 1e-12  # of that way: the last change of Newton's method
 _LEFT = 0.1  # of |h|, that a first guess keeps
 _HELD = 1e-10  # of the multipliers of other sticks: roundings of a direction are no less
 _ALL_BUT_FITS = 1e3  # such a misfit is of a step that was only too long
+_ROUNDING = 1e-15
 _DEFECT = 10.0  # tolerances: that of the polynomial, whose order is half of that of the step's end
 
 
@@ -363,6 +364,15 @@ def _newton_step(P, W, h):
 
 
 @kernel
+def _rate_rounding(W, i):
+    """What roundings of the states make of rate i at the end of the step: h/|h| of a slip that has hardly begun."""
+    onset, total = W.onset, 0.0
+    for c in range(onset.narrow):
+        total += abs(onset.slope[STAGES - 1, i, c] * onset.y[STAGES - 1, onset.columns[c]])
+    return _ROUNDING * total
+
+
+@kernel
 def _solve(P, C, S, W, t, h):
     """Newton's method for the states at the nodes, with slopes anew where it is slow; whether it converges."""
     onset, n = W.onset, P.n
@@ -380,13 +390,14 @@ def _solve(P, C, S, W, t, h):
             return False
         _newton_step(P, W, h)
         change, total = 0.0, 0.0
-        for q in range(STAGES):
-            for i in range(n):
+        for i in range(n):
+            known = h * _rate_rounding(W, i)
+            for q in range(STAGES):
                 step = onset.change[i, q]
                 # Beside the way since the start: of a slip that has just begun its own size is what matters.
                 way = abs(onset.y[q, i] - onset.x[i]) + 10.0 * C.atol[i]
                 if onset.still[i] == 0:
-                    change = max(change, (abs(step) - 4e-15 * abs(onset.y[q, i])) / way)
+                    change = max(change, (abs(step) - 4e-15 * abs(onset.y[q, i]) - known) / way)
                 total += step
         share = min(1.0, _DAMPED / change) if anew else 1.0
         for q in range(STAGES):
@@ -457,7 +468,7 @@ def _misfit(P, C, S, W, h):
         for c in range(STAGES - 1, 0, -1):
             slope = slope * s + c * rows[i, c]
         scale = C.atol[i] + C.rtol * max(abs(S.x[i]), h * abs(rows[i, 1]))
-        defect = abs(h * (slope - W.dx[i])) / (_DEFECT * scale)
+        defect = max(0.0, abs(slope - W.dx[i]) - _rate_rounding(W, i)) * h / (_DEFECT * scale)
         if not defect < math.inf:
             return math.inf
         worst = max(worst, defect)
@@ -533,10 +544,10 @@ def onset(P, C, S, W, longest):
                 if excess > 0.0:
                     h = min(h, stiff * ahead / excess)
         S.t = t
-    misfit = math.inf
+    again = False
     for _ in range(_TRIES):
         _restore(P, S, W)
-        if misfit < _ALL_BUT_FITS:
+        if again:
             _guess_by_longer(P, W, h)
         else:
             for j in range(P.m):
@@ -553,6 +564,7 @@ def onset(P, C, S, W, longest):
         if misfit <= 1.0:
             W.step.kind, W.step.mult_row = START, n
             return h
+        again = misfit < _ALL_BUT_FITS and not again
         h *= max(0.25, 0.9 * misfit**-0.125) if misfit < math.inf else 0.25
         if h <= max(start.least, 1e-14 * (1.0 + abs(t))):
             break

@@ -36,7 +36,9 @@ def is_stiff(P, S, W, h):
         W.onset.slow[j] = 1 if h * pull_of(P, W, j) > _STIFF * math.sqrt(square) else 0
         stiff = stiff or W.onset.slow[j] != 0
         bend = abs(at(rows[all_rows[j]], 2))
-        longest = min(longest, min(4.0 * square / (abs(slope) + 1e-300), math.sqrt(4.0 * square / (bend + 1e-300))))
+        longest = min(
+            longest, min(4.0 * square / (abs(slope) + 1e-300), math.sqrt(4.0 * square / (bend + 1e-300)))
+        )
     W.onset.stiff = W.onset.stiff + 1 if stiff else 0
     if W.onset.wait > 0:
         W.onset.wait -= 1
