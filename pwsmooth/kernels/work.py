@@ -189,7 +189,9 @@ class Together(Bundle):
     strength: "f8[discs]"
     goal: "f8[discs]"
     change: "f8[discs]"
-    matrix: "f8[2*discs + 1, 2*discs + 2]"
+    push: "f8[discs]"  # what is dual to G = 0 where the load is least
+    held: "f8[discs]"  # and to the bound of each disc
+    matrix: "f8[3*discs + 1, 3*discs + 2]"
 
 
 class Layer(Bundle):

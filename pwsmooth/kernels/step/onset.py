@@ -39,7 +39,7 @@ _CHANGED = 1e-12  # of that way: the last change of Newton's method
 _LEFT = 0.1  # of |h|, that a first guess keeps
 _HELD = 1e-10  # of the multipliers of other sticks: roundings of a direction are no less
 _ALL_BUT_FITS = 1e3  # such a misfit is of a step that was only too long
-_ROUNDING = 1e-15
+_ROUNDING, _BLURRED = 1e-15, 1e-3  # of the states, and of a rate: what roundings may make of it
 _DEFECT = 10.0  # tolerances: that of the polynomial, whose order is half of that of the step's end
 
 
@@ -122,13 +122,13 @@ def _stand(P, S, W, q, t):
 
 
 @kernel
-def _integrate(W, h, i):
-    """Overwrites onset.sums by the integrals of rate i in onset.k up to the nodes."""
+def _integrate(W, h, rates):
+    """Overwrites onset.sums by the integrals up to the nodes of what has these values there."""
     sums = W.onset.sums
     for q in range(STAGES):
         sums[q] = 0.0
     for s in range(STAGES):
-        rate = h * W.onset.k[s, i]
+        rate = h * rates[s]
         for q in range(STAGES):  # by lanes
             sums[q] += rate * _COLUMNS[s, q]
 
@@ -149,7 +149,7 @@ def _guess_path(P, S, W, h):
             for i in range(n):
                 onset.k[q, i] = W.dx[i]
         for i in range(n):
-            _integrate(W, h, i)
+            _integrate(W, h, onset.k[:, i])
             for q in range(STAGES):
                 onset.y[q, i] = onset.x[i] + onset.sums[q]
         if abs(excess - before) <= _SAME_EXCESS * abs(excess):
@@ -342,7 +342,7 @@ def _newton_step(P, W, h):
     it."""
     onset, n, width = W.onset, P.n, W.onset.narrow
     for r in range(n):
-        _integrate(W, h, r)
+        _integrate(W, h, onset.k[:, r])
         for q in range(STAGES):
             onset.change[r, q] = onset.x[r] - onset.y[q, r] + onset.sums[q]
     for c in range(width):
@@ -351,10 +351,10 @@ def _newton_step(P, W, h):
     solve_factored(onset.matrix, STAGES * width, onset.rest, onset.found)
     for r in range(n):
         for s in range(STAGES):
-            onset.k[s, r] = 0.0  # not needed any more
+            onset.rest[s] = 0.0
             for c in range(width):
-                onset.k[s, r] += onset.slope[s, r, c] * onset.found[s * width + c]
-        _integrate(W, h, r)
+                onset.rest[s] += onset.slope[s, r, c] * onset.found[s * width + c]
+        _integrate(W, h, onset.rest)
         for q in range(STAGES):
             onset.change[r, q] += onset.sums[q]
     # Of their own states what has been solved for, to the last bit.
@@ -365,11 +365,12 @@ def _newton_step(P, W, h):
 
 @kernel
 def _rate_rounding(W, i):
-    """What roundings of the states make of rate i at the end of the step: h/|h| of a slip that has hardly begun."""
+    """What roundings of the states make of rate i at the end of the step, at most a small part of it: h/|h| of a slip
+    that has hardly begun."""
     onset, total = W.onset, 0.0
     for c in range(onset.narrow):
         total += abs(onset.slope[STAGES - 1, i, c] * onset.y[STAGES - 1, onset.columns[c]])
-    return _ROUNDING * total
+    return min(_ROUNDING * total, _BLURRED * abs(onset.k[STAGES - 1, i]))
 
 
 @kernel

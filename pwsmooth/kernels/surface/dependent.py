@@ -12,8 +12,8 @@ from .vector import begins
 _DELTA = 1e-4  # of lambda
 _PROJECTIONS = 20
 _DEPENDS = 1e-9  # of the largest pivot: what is left of a surface that the others determine
-# Of the interior-point method: how fast its weight falls, to what, and where its dual variables are known well.
-_CENTRED, _GAP, _DUAL, _ITERATIONS = 0.25, 1e-13, 1e-7, 200
+# Of the interior-point method: how fast w falls near its path and off it, to what, and how near to a bound a step goes.
+_CENTRED, _OFF_CENTRE, _GAP, _INSIDE, _ITERATIONS = 0.1, 0.5, 1e-14, 0.99, 100
 _CORNER = 1e-9  # of the largest square of a row of J: of less it is not made
 
 
@@ -150,11 +150,71 @@ def _find_strengths(W):
 
 
 @kernel
+def _newton_for_load(W, s, rank, discs):
+    """Overwrites together.matrix by Newton's equations for the optimum; returns how far the sum of the products
+    held_k (s - |lambda_k|^2/s), which vanish there, is from it."""
+    group, q, A, lam = W.together, W.together.size, W.together.matrix, W.together.lam
+    size, gap, i = q + 1 + rank + discs, 0.0, 0
+    for r in range(size):
+        for c in range(size + 1):
+            A[r, c] = 0.0
+    A[q, size] = -1.0
+    for k in range(discs):
+        square, d = square_of_disc(W, i)
+        at, held, beyond, slope = q + 1 + rank + k, group.held[k], square / s - s, -1.0 - square / s**2
+        for r in range(i, i + d):
+            A[r, r] = 2.0 * held / s
+            A[r, q] = A[q, r] = -2.0 * held * lam[r] / s**2
+            A[r, at] = 2.0 * lam[r] / s
+            A[at, r] = held * A[r, at]
+            A[r, size] = -held * A[r, at]
+        A[q, q] += 2.0 * held * square / s**3
+        A[q, at], A[at, q] = slope, held * slope
+        A[q, size] -= held * slope
+        A[at, at], A[at, size] = beyond, -held * beyond
+        gap -= held * beyond
+        i += d
+    for r in range(rank):
+        row = group.order[r]
+        A[q + 1 + r, size] = group.goal[r]
+        for c in range(q):
+            slope = group.J[row, c]
+            A[q + 1 + r, c] = A[c, q + 1 + r] = slope
+            A[q + 1 + r, size] -= slope * lam[c]
+            A[c, size] -= slope * group.push[r]
+    return gap
+
+
+@kernel
+def _share_inside(W, s, rank, discs):
+    """How much of a step of Newton's method leaves all |lambda_k| < s and all held_k > 0."""
+    group, q, A, lam = W.together, W.together.size, W.together.matrix, W.together.lam
+    size, share = q + 1 + rank + discs, 1.0
+    for k in range(discs):
+        if A[q + 1 + rank + k, size] < 0.0:
+            share = min(share, -_INSIDE * group.held[k] / A[q + 1 + rank + k, size])
+    for _ in range(60):
+        ahead, i, inside = s + share * A[q, size], 0, True
+        for _ in range(discs):
+            square, d = square_of_disc(W, i)
+            new = 0.0
+            for r in range(i, i + d):
+                new += (lam[r] + share * A[r, size]) ** 2
+            inside = inside and ahead > 0.0 and ahead - new / ahead > (1.0 - _INSIDE) * (s - square / s)
+            i += d
+        if inside:
+            break
+        share *= 0.8
+    return share
+
+
+@kernel
 def least_load(P, S, W, rank):
     """Overwrites together.lam by the lambda with G = 0, by slopes in together.J, whose largest |lambda_k| is least, to
     the end of the path of centres to it; returns a bound of all |lambda_k|, inf if there is none.
 
-    minimise s - w sum log(s^2 - |lambda_k|^2) by Newton's method, with w falling to 0 (Boyd and Vandenberghe 2004, 11).
+    minimise s, |lambda_k|^2/s <= s: Newton's method for held_k (s - |lambda_k|^2/s) = w and a stationary Lagrangian,
+    with w falling to 0 (Boyd and Vandenberghe 2004, 11.7).
     """
     group, q = W.together, W.together.size
     A, order, lam = group.matrix, group.order, group.lam
@@ -178,62 +238,37 @@ def least_load(P, S, W, rank):
     s = 1.5 * largest_lambda(W)
     if s == 0.0:
         return 0.0
-    weight, last, size = s, _GAP * s, q + 1 + rank
+    discs, total, i = 0, 0.0, 0
+    while i < q:
+        square, d = square_of_disc(W, i)
+        total += 1.0 + square / s**2
+        discs, i = discs + 1, i + d
+    for k in range(discs):
+        group.held[k] = 1.0 / total
+    for r in range(rank):
+        group.push[r] = 0.0
+    size, share = q + 1 + rank + discs, 1.0
     for _ in range(_ITERATIONS):
-        for r in range(size):
-            for c in range(size + 1):
-                A[r, c] = 0.0
-        A[q, size] = -1.0 / weight
-        i = 0
-        while i < q:
-            square, d = square_of_disc(W, i)
-            left = s * s - square
-            for r in range(i, i + d):
-                for c in range(i, i + d):
-                    A[r, c] = 4.0 * lam[r] * lam[c] / left**2 + (2.0 / left if r == c else 0.0)
-                A[r, q] = A[q, r] = -4.0 * s * lam[r] / left**2
-                A[r, size] = -2.0 * lam[r] / left
-            A[q, q] += 4.0 * s * s / left**2 - 2.0 / left
-            A[q, size] += 2.0 * s / left
-            i += d
-        for r in range(rank):
-            rest = group.goal[r]
-            for c in range(q):
-                A[q + 1 + r, c] = A[c, q + 1 + r] = group.J[order[r], c]
-                rest -= group.J[order[r], c] * lam[c]
-            A[q + 1 + r, size] = rest
-        if not solve_dense(A, size, 1):
+        gap = _newton_for_load(W, s, rank, discs)
+        centre = (_CENTRED if share > 0.5 else _OFF_CENTRE) * gap / discs
+        for k in range(discs):
+            A[q + 1 + rank + k, size] -= centre
+        if gap <= _GAP * s or not solve_dense(A, size, 1):
             break
-        # As far as all stay inside.
-        share = 1.0
+        share = _share_inside(W, s, rank, discs)
         for i in range(q):
-            group.change[i] = A[i, size]
-        for _ in range(60):
-            i, inside = 0, True
-            while i < q:
-                square, d = 0.0, square_of_disc(W, i)[1]
-                for r in range(i, i + d):
-                    square += (lam[r] + share * group.change[r]) ** 2
-                ahead = s + share * A[q, size]
-                inside = inside and ahead > 0.0 and ahead * ahead > square
-                i += d
-            if inside:
-                break
-            share *= 0.5
-        for i in range(q):
-            lam[i] += share * group.change[i]
+            lam[i] += share * A[i, size]
         s += share * A[q, size]
-        if share == 1.0:
-            if weight >= _DUAL * s:
-                # How they begin to move, if they do, to a common factor: what is dual to G = 0.
-                for i in range(q):
-                    group.move[group.comp[i]] = 0.0
-                    for r in range(rank):
-                        group.move[group.comp[i]] -= group.J[order[r], i] * A[q + 1 + r, size] * weight
-                    group.move[group.comp[i]] /= group.strength[i]
-            if weight <= last:
-                break
-            weight = max(last, _CENTRED * weight)
+        for r in range(rank):
+            group.push[r] += share * A[q + 1 + r, size]
+        for k in range(discs):
+            group.held[k] += share * A[q + 1 + rank + k, size]
+    # How they begin to move, if they do, to a common factor: what is dual to G = 0.
+    for i in range(q):
+        group.move[group.comp[i]] = 0.0
+        for r in range(rank):
+            group.move[group.comp[i]] -= group.J[order[r], i] * group.push[r]
+        group.move[group.comp[i]] /= group.strength[i]
     return s
 
 
