@@ -28,7 +28,7 @@ import sympy as sp
 from .definition import checks, discs, one_element
 from .definition.describe import DescribedSystem
 from .definition.drives import drive
-from .definition.family import spread
+from .definition.expansion import spread
 from .definition.functions import check_start, read_functions
 from .definition.lifting import plain
 from .definition.lowering import lower

@@ -87,7 +87,9 @@ class Layout:
         if family is None:
             return f"{array}[{start}]"
         index = neighbour(family, offset) if offset else f"i{family}"
-        return f"{array}[{start + ' + ' if start != '0' else ''}{index}]"
+        found = f"{array}[{start + ' + ' if start != '0' else ''}{index}]"
+        # Of what a patch reads of others the contacts are open.
+        return f"choose({index} < m{family}, {found}, 0.0)" if offset and self.patch and array == "mult" else found
 
     def text(self, array: str, count: Count) -> str:
         """A place in an array, in generated code."""
@@ -149,21 +151,22 @@ def neighbour(family: int, offset: int) -> str:
     return f"j{family}{'p' if offset > 0 else 'm'}{abs(offset)}"
 
 
-def sparse_pattern(rows, families, columns, sizes) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns of a sparse matrix: `rows` lists the column blocks of every row block.
+def sparse_pattern(rows, families, columns, sizes, of) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of a sparse matrix: `rows` lists the (column block, offset) of every row block.
 
-    A row of an element holds that element's entry of every column block of its family.
+    A row of an element holds that element's entry of every column block of its family, or that of its neighbour: the
+    one `of` (family, elements, offset), its own where it has none.
     """
     first = [c.at(sizes) for c in starts(columns)]
     lengths, entries = [], []
     for blocks, family in zip(rows, families, strict=True):
         if family is None:
-            row = [np.arange(first[b], first[b + 1]) for b in blocks]
+            row = [np.arange(first[b], first[b + 1]) for b, _ in blocks]
             entries.append(np.concatenate(row) if row else np.zeros(0, np.int64))
             lengths.append([len(entries[-1])])
             continue
         i = np.arange(sizes[family])
-        row = [first[b] + (0 if columns[b] is None else i) + 0 * i for b in blocks]
+        row = [first[b] + (0 if columns[b] is None else of(family, i, o) if o else i) + 0 * i for b, o in blocks]
         entries.append(np.stack(row, axis=1).ravel() if row else np.zeros(0, np.int64))
         lengths.append([len(blocks)] * len(i))
     ends = np.cumsum([0, *(n for part in lengths for n in part)])

@@ -3,7 +3,7 @@
 Symbols of elements become plain symbols with "[]" in their name and sums become symbols of their own, so that lifting
 and lowering see an ordinary system of one element. What has no template (see `Family`) raises `NoTemplate`, and the
 System writes the elements out, also of fewer than `TEMPLATE_FROM` elements: straight code is faster there.
-Chain: family.py -> one_element (here), reading.py, lowering.py -> template.py.
+Chain: expansion.py -> one_element (here), between.py, reading.py, lowering.py -> template.py.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ import sympy as sp
 
 from . import checks, lifting, lowering
 from . import reading as definition
-from .family import Expansion, Family, MemberMemory, MemberSum, involved, spread
+from .between import Neighbours, NoTemplate
+from .expansion import Expansion, spread
+from .family import Family, MemberMemory, MemberSum, involved
 from .many import Numbers, Symbols
 from .model import Held, Model, Multiplier, Select, Table
 from .primitives import Memory
@@ -26,11 +28,8 @@ from .singular import watched
 from .template import LINKED, MARK, Families, Level, Place, Template, family_model, named
 
 TEMPLATE_FROM = 8
-LEVELS_FROM = 100  # of hidden static friction: what has a template then runs by neighbourhoods alone
-
-
-class NoTemplate(ValueError):
-    """This system has no template; its elements are written out."""
+# Of hidden static friction, and of contacts between neighbours: what has a template then runs by neighbourhoods alone.
+LEVELS_FROM = 100
 
 
 class OneElement(Expansion):
@@ -41,6 +40,7 @@ class OneElement(Expansion):
         self.families: list[Family] = []
         self.columns: dict[int, dict[tuple, int]] = {}  # family -> (links, column of theirs) -> column
         self.places: dict[sp.Symbol, Place] = {}
+        self.held: set[sp.Symbol] = set()  # memories and reactions that neighbours read
 
     def column(self, links, k):
         """Number of a column of neighbours among all that the family has."""
@@ -67,7 +67,7 @@ class OneElement(Expansion):
         return [0]
 
     def lacks(self, member, k):
-        return False
+        return False  # told by the surface itself, where it matters (between.py)
 
     def beside(self, symbol):
         place = self.places.get(symbol)
@@ -84,6 +84,17 @@ class OneElement(Expansion):
         self.number(family)
         symbol = sp.Symbol(f"sum{len(self.sums) + 1}{MARK[0]}{family.name}{MARK[1]}", real=True)
         self.sums[symbol] = family, inner
+        return symbol
+
+    def _of_neighbour(self, s, k):
+        if k is None:
+            return super()._of_neighbour(s, k)
+        base, number = lifting.plain(self.element(s.of, 0)), self.number(s.family)
+        self.held.add(base)
+        outside = None if s.family.periodic else lifting.plain(self.element(s.outside, k))
+        mark = "" if outside in (None, base, 0) else f"|{outside}"
+        symbol = sp.Symbol(f"{base.name}[{s.offset:+d}{mark}]", real=True)
+        self.places[symbol] = Place(number, base, s.offset, outside)
         return symbol
 
     def _member(self, m, k):
@@ -136,7 +147,7 @@ class OneElement(Expansion):
         neighbours = {s for s, place in self.places.items() if place.base != s}
         meanings = {s: "a symbol of the elements" for s in (*neighbours, *self.sums)}
         behind = [e for _, e in self.sums.values()]
-        behind += [p.outside for p in self.places.values() if p.outside is not None]
+        behind += [p.outside for p in self.places.values() if p.outside is not None and p.outside not in self.held]
         return meanings, {*neighbours, *self.sums}, behind
 
 
@@ -207,7 +218,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled)
         template = _template(plain, one)
         families = Families(template, tuple(f.n for f in one.families), one.links())
         far = [families.sizes[p.family] <= abs(p.offset) < LINKED for p in one.places.values()]
-        least = max(TEMPLATE_FROM, LEVELS_FROM) if template.levels else TEMPLATE_FROM
+        least = max(TEMPLATE_FROM, LEVELS_FROM) if template.local_only else TEMPLATE_FROM
         if min(families.sizes) < least or any(far):
             return None
         model = family_model(families)
@@ -236,9 +247,15 @@ def _template(plain, one):
     for s in list(places):
         if isinstance(s, Memory):
             places[lifting.plain(s)] = places.pop(s)
-    if field.contacts:
-        raise NoTemplate("contacts")
     neighbours = {s for s, p in places.items() if p.base != s and p.base is not None}
+    for R, gap, e in field.contacts:
+        if MARK not in R.name:
+            raise NoTemplate("a contact of the whole")
+        of = {places[s].family for s in gap.free_symbols | e.free_symbols if s in places}
+        if len(of) != 1:
+            raise NoTemplate("a contact of several families")
+        places[R] = Place(of.pop(), R)
+    beside = Neighbours(field, places, tuple(f.periodic for f in one.families))
 
     def family(*expressions):
         families = {places[s].family for e in expressions for s in e.free_symbols if s in places}
@@ -252,27 +269,33 @@ def _template(plain, one):
             # Switches found in ordinary notation are named after their surface or their number.
             renamed[lam] = lam if MARK in lam.name else sp.Symbol(lam.name + MARK, **lam._assumptions_orig)
             places[lam] = places[renamed[lam]] = Place(number, renamed[lam])
-        if h.free_symbols & neighbours:
-            raise NoTemplate("a surface between neighbours")
     field = field.map(lambda e: e.xreplace(renamed))
     field = replace(field, switches=tuple((renamed.get(lam, lam), h) for lam, h in field.switches))
     watch = watched(field, neighbours)
+    beside.take(field)
+    field = replace(
+        field,
+        switches=tuple((lam, beside.never_zero(h)) for lam, h in field.switches),
+        events=tuple(
+            e if e.surface is None else replace(e, surface=beside.where_there_is_one(e.surface)) for e in field.events
+        ),
+    )
     event_families = []
     for event in (*field.events, *watch):
         parts = [e for e in (event.surface, event.when, *(e for _, e in event.update)) if e is not None]
         targets = [(*field.states, *field.memories)[i] for i, _ in event.update]
         event_families.append(family(*parts, *targets))
         timed = [e for e in (event.every, *event.at) if e is not None]
-        if family(*timed) not in (None, event_families[-1]) or (
-            event.surface is not None and event.surface.free_symbols & neighbours
-        ):
-            raise NoTemplate("an event between neighbours")
+        if family(*timed) not in (None, event_families[-1]):
+            raise NoTemplate("an event of two families")
+        if event in watch and event.surface.free_symbols & neighbours:
+            raise NoTemplate("a singular argument between neighbours")
     sums = tuple((s, one.number(f), e) for (s, e), (f, _) in zip(field.sums, one.sums.values(), strict=True))
     for x, rate in (*zip(field.states, field.rates, strict=True), *field.algebraic):
         if family(rate) not in (None, family(x)):
             raise NoTemplate("members outside of their rates")
-    multipliers, more, field, levels = _multipliers(field, sums, places)
-    model = lowering.lower(replace(field, switches=(), algebraic=()), watch=watch)
+    multipliers, more, field, levels = _multipliers(field, sums, places, beside)
+    model = lowering.lower(replace(field, switches=(), algebraic=(), contacts=()), watch=watch)
     used = set().union(*(e.free_symbols for e in field.expressions()))
     model = replace(
         model,
@@ -292,7 +315,7 @@ def _template(plain, one):
 
 def _check_couplings(multipliers, sums, places):
     """The residual of an element must not depend on the multipliers of others: they would all couple."""
-    solved = {m.symbol for m in multipliers if m.kind == "algebraic" or m.regularity == "sliding"}
+    solved = {m.symbol for m in multipliers if m.may_be_solved}
     own = solved & places.keys()
     for m in multipliers:
         if m.symbol not in own:
@@ -309,7 +332,7 @@ def _check_couplings(multipliers, sums, places):
             raise NoTemplate("elements that act on each other's multipliers")
 
 
-def _multipliers(field, sums, places):
+def _multipliers(field, sums, places, beside):
     """Switches and algebraic unknowns of the template, the sums' derivatives that their residuals need, and the field
     with hidden static friction as two levels."""
     inner = {s: e for s, _, e in sums}
@@ -336,6 +359,12 @@ def _multipliers(field, sums, places):
             })  # fmt: skip
         return e
 
+    def extended(h):
+        """The field with the neighbours that a surface reads among the states."""
+        others = sorted((s for s in beside.of(h) if places[s].base in beside.rate), key=str)
+        more = tuple(sampled(beside.rate_of(s, known=False)) for s in others)
+        return replace(lone, states=(*lone.states, *others), rates=(*lone.rates, *more)) if others else lone
+
     residuals = [h if unknowns & sampled(h).free_symbols else along(h) for _, h in field.switches]
     lone = replace(
         field,
@@ -346,6 +375,9 @@ def _multipliers(field, sums, places):
     result: list[Multiplier] = []
     levels: list[Level] = []
     for index, ((lam, h), residual) in enumerate(zip(field.switches, residuals, strict=True)):
+        if beside.of(h):
+            result.append(_between(extended(h), index, unknowns))
+            continue
         regularity, hidden = lowering.classify(lone, index, sampled(residual))
         if hidden and regularity == "sliding":
             level = _level(field, index, residual)
@@ -356,9 +388,35 @@ def _multipliers(field, sums, places):
         if regularity == "crossing" and second_derivative(lone, index, sampled(residual)) is not None:
             raise NoTemplate("a switch that can slide to second order")
         result.append(Multiplier(lam, "switch", residual, h, regularity, hidden))
+    order = (*field.states, *field.memories)
+    for R, gap, e in field.contacts:
+        if beside.of(gap):
+            contact = beside.contact(R, gap, e, order)
+            result.append(replace(contact, surface=beside.where_there_is_one(gap)))
+            continue
+        speed = total_derivative(gap, field.time, field.states, field.rates)
+        if beside.of(speed) or speed.free_symbols & inner.keys():
+            raise NoTemplate("a contact whose gap moves with other elements")
+        residual, after = lowering.contact(field, R, gap, e)
+        after = tuple((i, new) for i, (old, new) in enumerate(zip(order, after, strict=True)) if new != old)
+        result.append(Multiplier(R, "contact", residual, gap, impact=after))
     result += [Multiplier(a, "algebraic", r) for a, r in field.algebraic]
     _check_couplings(result, inner | {s: e for s, (_, e) in more.items()}, places)
     return tuple(result), tuple((s, f, e) for s, (f, e) in more.items()), field, tuple(levels)
+
+
+def _between(field, index, unknowns):
+    """The Multiplier of a switch whose surface reads neighbours: a kink or a crossing, which nothing holds."""
+    lam, h = field.switches[index]
+    if h.free_symbols & unknowns or sum(s in h.free_symbols for s in field.states) < 2:
+        raise NoTemplate("a surface between neighbours that is no matter of two motions")
+    residual = total_derivative(h, field.time, field.states, field.rates)
+    regularity, _ = lowering.classify(field, index, residual)
+    if regularity == "sliding" or (
+        regularity == "crossing" and second_derivative(field, index, residual) is not None
+    ):
+        raise NoTemplate("a switch that can hold neighbours together")
+    return Multiplier(lam, "switch", sp.S.Zero, h, regularity)
 
 
 def _cubic(e, lam):

@@ -32,7 +32,7 @@ class Place:
     """Where a symbol of the elements points to.
 
     `base` is the symbol of the element itself and `outside` what stands beyond an end of the chain; of the number
-    i = 1, ..., n of the element `base` is None.
+    i = 1, ..., n of the element `base` is None, and with an offset it is 1 where there is no such neighbour, else 0.
     """
 
     family: int
@@ -72,8 +72,24 @@ class Template:
     levels: tuple[Level, ...] = ()
 
     @cached_property
+    def contacts(self) -> tuple[int, ...]:
+        """Blocks of the contacts between neighbours, of which impacts alone are known."""
+        multipliers = enumerate(self.model.multipliers)
+        return tuple(b for b, m in multipliers if m.kind == "contact" and not m.may_be_solved)
+
+    @property
+    def local_only(self) -> bool:
+        """Whether a run by neighbourhoods alone knows what the elements do."""
+        return bool(self.levels or self.contacts)
+
+    @cached_property
     def place(self) -> dict[sp.Symbol, Place]:
         return dict(self.places)
+
+    @cached_property
+    def beside(self) -> frozenset[sp.Symbol]:
+        """Symbols of neighbours."""
+        return frozenset(s for s, place in self.places if place.base is not None and place.offset)
 
     @property
     def constants(self) -> set[sp.Symbol]:
@@ -149,6 +165,8 @@ class Families:
         if place is None:
             return symbol
         assert k is not None
+        if place.base is None and place.offset:
+            return sp.Integer(self.beside(place.family, k, place.offset) is None)
         if place.base is None:
             return sp.Integer(k + 1)
         at, n = k + place.offset, self.sizes[place.family]
@@ -174,6 +192,16 @@ class Families:
         if self.template.periodic[family]:
             return at % n
         return at if 0 <= at < n else None
+
+    def neighbours(self, family: int, elements: np.ndarray, offset: int) -> np.ndarray:
+        """Numbers of the neighbours of elements, their own where there is none."""
+        n, at = self.sizes[family], elements + offset
+        if offset >= LINKED:
+            table = self.links[family] if self.links else None
+            return elements if table is None else table.rows[elements, offset - LINKED].astype(np.int64)
+        if self.template.periodic[family]:
+            return at % n
+        return np.where((at >= 0) & (at < n), at, elements)
 
     def expression(self, e: sp.Basic, k: int | None) -> sp.Basic:
         """An expression of the template for element k, sums written out."""
@@ -208,17 +236,26 @@ class Item:
         if name == "name":
             return named(value, self._k)
         if name == "update":
-            starts = self._families.starts("states")
-            families = self._families.template.families("states")
-            written = []
-            for b, e in value:
-                at: int | None = (self._k or 0) * (families[b] is not None)
-                if isinstance(b, Beside):
-                    at = self._families.beside(families[b] or 0, self._k or 0, b.offset)
-                if at is not None:
-                    written.append((starts[b] + at, self._families.expression(e, self._k)))
-            return tuple(written)
+            return self._written(value)
+        if name == "impact" and value is not None:
+            after = list(self._families.symbols("states"))
+            for i, e in self._written(value):
+                after[i] = e
+            return tuple(after)
         return self._made(value)
+
+    def _written(self, value: Any) -> tuple[tuple[int, sp.Expr], ...]:
+        """(index of state, new value) in place of (block, or Beside, new value)."""
+        starts = self._families.starts("states")
+        families = self._families.template.families("states")
+        written = []
+        for b, e in value:
+            at: int | None = (self._k or 0) * (families[b] is not None)
+            if isinstance(b, Beside):
+                at = self._families.beside(families[b] or 0, self._k or 0, b.offset)
+            if at is not None:
+                written.append((starts[b] + at, self._families.expression(e, self._k)))
+        return tuple(written)
 
     def plain(self) -> Any:
         """The multiplier or event itself."""

@@ -43,6 +43,7 @@ class Outcome(IntEnum):
     IRREVERSIBLE = -16
     INCONSISTENT_CONTACT = -17
     JAM = -18
+    CONTACTS_REST = -19
 
     @property
     def text(self) -> str:
@@ -84,6 +85,8 @@ _TEXTS = {
     "rigid laws say nothing; take a compliant contact (`pwsmooth.laws.contact`), or less friction.",
     Outcome.JAM: "The reaction of a slipping contact grows beyond all bounds, as its friction comes to push as hard as "
     "it holds (Painleve's paradox, dynamic jam): a compliant contact (`pwsmooth.laws.contact`) decides what follows.",
+    Outcome.CONTACTS_REST: "Elements of a family came to rest on each other, whose forces a run by neighbourhoods does "
+    "not know: solve it with `local=False`, of tens of elements; or take a compliant contact, a spring with a gap.",
     Outcome.IRREVERSIBLE: "Backward in time the past is not unique from here: forward the motion has come to a "
     "stick or to rest, an event has set a memory, or an impact returned nothing. Start before it and go forward.",
     Outcome.LAYER_UNSETTLED: "The layer system neither settled nor left within its bound: a hidden "

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..definition.model import Beside
+from ..definition.model import Beside, Multiplier
 from ..definition.pointwise import value
 from ..definition.recording import Recorder
 from ..definition.template import LINKED, Level, family_model
@@ -36,6 +36,7 @@ _LEAN = 100_000  # elements, of more of which rows are short
 _FIRST_LOG = 2**14  # events
 _FLUSHED = 2**18  # events in the kernel's buffers, from which on they are given up to the log
 _COLUMNS = 201  # of a run of fewer that is asked for none
+_TOUCHING = 2048  # contacts of a patch that touch at one instant
 _EMPTY = np.zeros(0, np.int64)
 
 
@@ -109,9 +110,12 @@ class _Run:
                 "flat_of": fixed[flat], "flat_own": each[flat].astype(np.int64),
             }  # fmt: skip
 
-    def _pattern(self, rows: Any) -> tuple[np.ndarray, np.ndarray]:
+    def _pattern(self, rows: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Ends of rows of (block, offset), their blocks, and the columns of the neighbours' table."""
         ends = np.cumsum([0, *map(len, rows)])
-        return ends.astype(np.int64), np.array([b for row in rows for b in row], np.int64)
+        offsets, entries = self.code.offsets, [entry for row in rows for entry in row]
+        near = [offsets.index(offset) if offset else -1 for _, offset in entries]
+        return ends.astype(np.int64), np.array([b for b, _ in entries], np.int64), np.array(near, np.int64)
 
     def _kind(self) -> Any:
         fixed, nm, ne = self.parts.fixed, self.nm, self.ne
@@ -123,7 +127,7 @@ class _Run:
         first = [*firsts("multipliers")[:-1], *(firsts("multipliers")[-1] + i for i in firsts("events")[:-1])]
         of_m, of_e = self.m_at, self.e_at
         linear = self.code.constants["linear"]
-        g_rows = [list(row) for row in linear["G_ROWS"]]
+        g_rows = [[b for b, offset in row if not offset] for row in linear["G_ROWS"]]
         links = [
             sorted({*row, *(i for i, r in enumerate(g_rows) if j in r)} - {j}) for j, row in enumerate(g_rows)
         ]
@@ -131,10 +135,15 @@ class _Run:
         for j in range(nm):
             linked = [g for g in groups if set(links[j]) & set(g)]
             groups = [g for g in groups if g not in linked] + [sorted({j, *(i for g in linked for i in g)})]
-        g_first, g_block = self._pattern(g_rows)
-        link_first, link_block = self._pattern(links)
-        group_first, group_block = self._pattern(sorted(groups))
-        dh_first, dh_block = self._pattern(linear["DH_ROWS"])
+        g_first, g_block, g_near = self._pattern(linear["G_ROWS"])
+        link_first, link_block, _ = self._pattern([[(b, 0) for b in row] for row in links])
+        group_first, group_block, _ = self._pattern([[(b, 0) for b in group] for group in sorted(groups)])
+        dh_first, dh_block, dh_near = self._pattern(linear["DH_ROWS"])
+        contact = np.flatnonzero(self.parts.kind[of_m] == names.CONTACT)
+        self.contacts = len(contact)
+        reads = [e for e in (*self.template.model.multipliers, *self.template.model.events)
+                 if e.surface is not None and self.template.beside & e.surface.free_symbols]  # fmt: skip
+        acts = any(not isinstance(e, Multiplier) or e.kind == "contact" for e in reads)
         self.groups, self.g_block, self.link_block = groups, g_block, link_block
         self.own_groups = sum(bool(own[group[0]]) for group in groups)  # exactly: their number is a loop's end
         self.group_block, self.dh_block = group_block, dh_block
@@ -152,8 +161,8 @@ class _Run:
         sizes = dict(ns=self.ns, nm=nm, ne=ne, nt=len(self.timed), nx=len(read), np=len(self.p_fixed))
         return local.Kind.zeros(
             sizes, ns=self.ns, nm=nm, ne=ne, np=len(self.own_parameters), nr=len(self.code.offsets),
-            target=np.array(sorted({self.code.offsets.index(b.offset) for e in self.template.model.events
-                                    for b, _ in e.update if isinstance(b, Beside)}), np.int64),
+            target=self._targets(), contact=contact, linked=np.array(self.template.contacts, np.int64),
+            reads_between=int(len(reads) > 0), acts_between=int(acts), g_near=g_near, dh_near=dh_near,
             together=int(self._act_together()), timed=np.array(self.timed, np.int64), at_first=at_first, at=at,
             walls=int(walls(self.template)), read=np.array(read, np.int64),
             s_fixed=np.cumsum([0, *~own])[:-1], s_blocks=np.cumsum([0, *own])[:-1], s_own=own.astype(np.int64),
@@ -174,11 +183,19 @@ class _Run:
             **dict(zip(("shared_fixed", "shared_blocks", "shared"), self.shared, strict=True)),
         )  # fmt: skip
 
+    def _targets(self) -> np.ndarray:
+        """Columns of the neighbours that events and impacts write."""
+        text = self.template.model
+        written = [b for e in text.events for b, _ in e.update]
+        written += [b for m in text.multipliers for b, _ in m.impact or ()]
+        return np.array(sorted({self.code.offsets.index(b.offset) for b in written if isinstance(b, Beside)}), np.int64)
+
     def _act_together(self) -> bool:
         """Whether what an event of an element does depends on other elements, or acts on them."""
-        beside = {s for s, p in self.template.places if p.base is not None and p.offset}
+        beside = self.template.beside
         for event in self.template.model.events:
             said = [e for _, e in event.update] + ([event.when] if isinstance(event.when, sp.Basic) else [])
+            said += [event.surface] if event.surface is not None else []
             if any(isinstance(b, Beside) for b, _ in event.update) or any(
                 e.free_symbols & beside for e in said
             ):
@@ -226,7 +243,8 @@ class _Run:
             "n": self.ns * places, "m": m, "ne": ne, "nz": 0, "blocks": self.fixed_m + self.own_groups * members,
             "width": self.stride, "rows": rows, "fold_size": 0, "entries": entries,
             "gradients": gradients + m + ne, "fold_entries": 0, "fold_gradients": 0,
-            "group": max(map(len, self.groups), default=0), "hubs": 0, "contacts": 0, "onset": 0, "room": 16,
+            "group": max(map(len, self.groups), default=0), "hubs": 0, "onset": 0, "room": 16,
+            "contacts": min(self.contacts * self.n, _TOUCHING), "contact": self.contacts * members,
             "discs": 0, "pieces": 0, "polynomials": 0, "order": 0, "tapes": 0, "times": 0,
             "p": len(self.p_fixed) - len(self.own_parameters) + len(self.own_parameters) * places,
             "g_col": entries, "link_col": len(self.link_block) * members, "dh_col": gradients,
@@ -241,17 +259,17 @@ class _Run:
         fixed, code = self.parts.fixed, self.code.address
         open_ended = {
             name: np.zeros(sizes.get(name, 0), np.int64)
-            for name in ("g_col", "link_col", "dh_col", "block_member", "flat_slip", "flat_general")
+            for name in ("g_col", "link_col", "dh_col", "block_member", "flat_slip", "flat_general", "contact")
         }
         numbers = {
             name: value for name, value in fixed.items()
             if isinstance(names.Problem.members[name], type(names.Problem.members["n"]))
         }  # fmt: skip
         numbers |= {
-            "fields": code["fields"], "linear": code["linear"], "act": code["act"] if self.ne else 0,
+            "fields": code["fields"], "linear": code["linear"], "act": code["act"] if self.ne or self.contacts else 0,
             "jet_slip": code["slip"], "jet_general": code["general"],
         }  # fmt: skip
-        empty = {name: _EMPTY for name in ("fold_col", "hub", "contact", "flat_fold")}
+        empty = {name: _EMPTY for name in ("fold_col", "hub", "flat_fold")}
         self.P = names.Problem.zeros(
             sizes, **numbers, **empty, **open_ended, p=np.zeros(sizes["p"]), fold_bias=np.zeros(0)
         )

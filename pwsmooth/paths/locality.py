@@ -51,7 +51,7 @@ def why_global(model: Model) -> str:
             return "it has sampled drives, or instants that differ from element to element"
     states = set(text.states)
     read = {p.base for s, p in template.places if p.base is not None and p.offset}
-    if read - states - set(text.parameters):
+    if read - states - set(text.parameters) - {text.multipliers[b].symbol for b in template.contacts}:
         return "elements read the multipliers of others"
     return _why_not_by_series(few_elements(template))
 
@@ -65,10 +65,9 @@ def _why_not_by_series(parts: CompiledProblem) -> str:
     if (
         parts.fold is not None
         or fixed["discs"]
-        or len(fixed["contact"])
         or np.any(parts.kind == names.SECOND_ORDER)
     ):
-        return "its switches have folds, contacts or slides of second order"
+        return "its switches have folds or slides of second order"
     return ""
 
 
@@ -118,7 +117,7 @@ def walls(template: Any) -> bool:
     """Whether what others read of an element that sticks does not depend on its neighbours."""
     model = template.model
     sliding = [m for m in model.multipliers if m.kind == "switch" and m.regularity == "sliding"]
-    if not sliding:
+    if not sliding or any(m.kind == "contact" for m in model.multipliers):
         return False
     beside = {s for s, p in template.places if p.base is not None and p.offset}
     solved = [m for m in model.multipliers if m.kind == "algebraic" or m in sliding]

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from ..graph.scalar import Writer
 from ..graph.slopes import derivative
-from .fields import solvable
 from .jets import FamilyJet
 from .orders import FamilyOrderK
 from .sections import Root, Sections
@@ -29,7 +28,7 @@ class FamilyGeneral(FamilyJet):
     name, arguments = "jet_general", "t, x, mult, p, mask, K, stride, rows, scratch"
 
     def _solved(self) -> list[int]:
-        return [j for j, m in enumerate(self.model.multipliers) if solvable(m)]
+        return [j for j, m in enumerate(self.model.multipliers) if m.may_be_solved]
 
     def _residuals(self) -> list[int]:
         graph = self.graph
@@ -39,7 +38,7 @@ class FamilyGeneral(FamilyJet):
         self.whole = [j for j in solved if lay.multipliers[j] is None]
         self.own = {f: [j for j in solved if lay.multipliers[j] == f] for f in range(len(lay.periodic))}
         self.own = {f: js for f, js in self.own.items() if js}
-        return [graph.expression(self.model.multipliers[j].residual) for j in solved]
+        return [graph.expression(self.open(self.model.multipliers[j].residual)) for j in solved]
 
     def residual(self, j: int) -> int:
         return self.residuals[self._solved().index(j)]

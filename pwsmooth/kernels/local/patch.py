@@ -153,6 +153,16 @@ def _row(A, block, own, fixed, k, members, places):
 
 
 @kernel
+def _place_near(A, k, column, below):
+    """Place of a neighbour of member k, its own where there is none below this number."""
+    T = A.patch
+    if column < 0:
+        return k
+    place = int(T.near[A.kind.nr * k + column])
+    return place if place < below else k
+
+
+@kernel
 def _fill_flat(A, rows, blocks, own, fixed):
     """Overwrites the rows of arguments of flat functions."""
     M, filled = A.patch.count, 0
@@ -170,6 +180,8 @@ def shape(A, P, C, W):
     if T.shaped[0] == M and T.shaped[1] == places:
         return
     T.shaped[0], T.shaped[1] = M, places
+    if E.reads_between != 0:
+        T.shaped[0] = -1  # which entries of its surfaces' gradients are whose, is another matter in every patch
     for c in range(T.cell.shape[0]):
         _put_at(T.cell[c, 0], T.cell[c, 1] + T.cell[c, 2] * M + T.cell[c, 3] * places)
     nm, ne = E.nm, E.ne
@@ -192,9 +204,9 @@ def shape(A, P, C, W):
             P.surface_state[j] = E.surface_state[b] * places + k if E.surface_state[b] >= 0 else -1
             P.g_row[j], P.link_row[j] = at_g, at_link
             for e in range(E.g_first[b], E.g_first[b + 1]):
-                if E.g_block[e] == b:
+                if E.g_block[e] == b and E.g_near[e] < 0:
                     P.g_diagonal[j] = at_g
-                P.g_col[at_g] = number_of(E, E.g_block[e], M, k)
+                P.g_col[at_g] = number_of(E, E.g_block[e], M, _place_near(A, k, E.g_near[e], M))
                 at_g += 1
             for e in range(E.link_first[b], E.link_first[b + 1]):
                 P.link_col[at_link] = number_of(E, E.link_block[e], M, k)
@@ -213,11 +225,16 @@ def shape(A, P, C, W):
             i = number_of(E, b, M, k)
             P.dh_row[i] = at_dh
             for e in range(E.dh_first[b], E.dh_first[b + 1]):
-                P.dh_col[at_dh] = E.dh_block[e] * places + k
+                P.dh_col[at_dh] = E.dh_block[e] * places + _place_near(A, k, E.dh_near[e], places)
                 at_dh += 1
             P.rows_slip[i] = _row(A, E.surface_slip[b], E.own_slip[b], E.of_slip[b], k, M, places)
             P.rows_general[i] = _row(A, E.surface_general[b], E.own_general[b], E.of_general[b], k, M, places)
     P.dh_row[P.m + P.ne] = at_dh
+    at_contact = 0
+    for b in range(len(E.contact)):
+        for k in range(M):
+            P.contact[at_contact] = number_of(E, E.contact[b], M, k)
+            at_contact += 1
     for b in range(ne):
         for k in range(M):
             i = number_of(E, nm + b, M, k) - P.m
@@ -363,6 +380,7 @@ def gather(A, P, C, S, W, t):
             row = W.step.rows[b * places + k]
             shifted(A, A.row[i, b], t - A.begun[i], K, row)
             S.x[b * places + k] = row[0]
+            W.dx[b * places + k] = row[1]  # the generated rates are those of the members
     if some:
         _keep_on_surfaces(A, P, S, W)
 

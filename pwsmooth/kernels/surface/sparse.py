@@ -11,11 +11,18 @@ O(n), not O(n^3).
 from ..machine.compiling import kernel
 from ..state import CROSSING, KINK, SOLVED
 
+_SHORT = 16  # entries of a row, up to which one is as soon found by looking at all
+
 
 @kernel
 def entry(row, col, values, i, j):
     """Entry (i, j) of a sparse matrix."""
     lo, hi = row[i], row[i + 1]
+    if hi - lo <= _SHORT:  # perhaps in no order: in a patch of elements (kernels/local)
+        for e in range(lo, hi):
+            if col[e] == j:
+                return values[e]
+        return 0.0
     while lo < hi:
         mid = (lo + hi) // 2
         if col[mid] < j:
