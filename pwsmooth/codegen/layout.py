@@ -89,7 +89,9 @@ class Layout:
         index = neighbour(family, offset) if offset else f"i{family}"
         found = f"{array}[{start + ' + ' if start != '0' else ''}{index}]"
         # Of what a patch reads of others the contacts are open.
-        return f"choose({index} < m{family}, {found}, 0.0)" if offset and self.patch and array == "mult" else found
+        return (
+            f"choose({index} < m{family}, {found}, 0.0)" if offset and self.patch and array == "mult" else found
+        )
 
     def text(self, array: str, count: Count) -> str:
         """A place in an array, in generated code."""
@@ -166,7 +168,9 @@ def sparse_pattern(rows, families, columns, sizes, of) -> tuple[np.ndarray, np.n
             lengths.append([len(entries[-1])])
             continue
         i = np.arange(sizes[family])
-        row = [first[b] + (0 if columns[b] is None else of(family, i, o) if o else i) + 0 * i for b, o in blocks]
+        row = [
+            first[b] + (0 if columns[b] is None else of(family, i, o) if o else i) + 0 * i for b, o in blocks
+        ]
         entries.append(np.stack(row, axis=1).ravel() if row else np.zeros(0, np.int64))
         lengths.append([len(blocks)] * len(i))
     ends = np.cumsum([0, *(n for part in lengths for n in part)])

@@ -1,7 +1,7 @@
 """What stands between an element and its neighbours: surfaces that read both, and contacts that push both.
 
-    h = h(z_i, z_j):   dh/dt = h_t + (grad_i h) . f_i + (grad_j h) . f_j,      f_j the rates of the element, in the neighbour
-    contact            z_i+ = z_i + J df_i/dR_i,   z_j+ = z_j + J df_j/dR_i    with the J that makes  h'+ = -e h'-
+    h = h(z_i, z_j):   dh/dt = h_t + (grad_i h) . f_i + (grad_j h) . f_j,     f_j: the rates of the element, in j
+    contact            z_i+ = z_i + J df_i/dR_i,   z_j+ = z_j + J df_j/dR_i   with the J that makes  h'+ = -e h'-
 
 A surface belongs to the element in which it is written. One that switches without being held (a kink, a crossing) may
 be written at either end of a link; each end then has its own.
@@ -58,7 +58,11 @@ class Neighbours:
                 raise NoTemplate("neighbours of neighbours by a table")
             return sp.Symbol(f"{s.name} of {offset}", **s._assumptions_orig)
         base = self.places[place.base]
-        return place.base if offset + place.offset == 0 else self.symbol(place.base, base.family, offset + place.offset)
+        return (
+            place.base
+            if offset + place.offset == 0
+            else self.symbol(place.base, base.family, offset + place.offset)
+        )
 
     def symbol(self, base, family, offset):
         """The symbol of a neighbour."""
@@ -97,7 +101,9 @@ class Neighbours:
         """dh/dt, what neighbours do included."""
         own = total_derivative(h, self.field.time, self.field.states, self.field.rates)
         beside = sorted(self.of(h), key=str)
-        return own + sp.Add(*(h.diff(s) * self.rate_of(s, known) for s in beside if self.places[s].base in self.rate))
+        return own + sp.Add(
+            *(h.diff(s) * self.rate_of(s, known) for s in beside if self.places[s].base in self.rate)
+        )
 
     # ---- elements that lack a neighbour
 

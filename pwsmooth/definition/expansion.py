@@ -14,7 +14,7 @@ from . import checks
 from .family import Family, Member, MemberMemory, MemberSum, OfNeighbour, family_of, involved, members
 from .many import MANY, Names
 from .model import of_event
-from .primitives import Algebraic, Event, Memory, Reaction, Switch, Unilateral
+from .primitives import Algebraic, Event, Reaction, Switch, Unilateral
 
 
 class Expansion:
@@ -75,8 +75,14 @@ class Expansion:
         return f"{name}{space}{k + 1}"
 
     def parameters(self, values):
-        """Values of parameters by name, one entry an element."""
-        return spread(values, self.groups, "`parameters`")
+        """Values of parameters by name, one entry an element.
+
+        Not those of elements in which a parameter has no place: a contact's, where there is no neighbour.
+        """
+        made = {s.name for s in self.members}
+        elements = {name for group in self.groups for name in self.groups[group]}
+        given = spread(values, self.groups, "`parameters`")
+        return {key: value for key, value in given.items() if _name(key) not in elements or _name(key) in made}
 
     def further(self):
         """(symbols with a meaning of their own, those of them that move, expressions behind them)."""
@@ -194,6 +200,10 @@ class Expansion:
             return [Algebraic(item.unknown, self.element(item.residual, None))]
         elements = self.elements(item.unknown.family)
         return [Algebraic(self._member(item.unknown, k), self.element(item.residual, k)) for k in elements]
+
+
+def _name(key):
+    return key if isinstance(key, str) else getattr(key, "name", None)
 
 
 def _itself(outside, name):

@@ -181,9 +181,7 @@ class Multiplier:
     kind: str  # "switch" | "disc" | "component" | "contact" | "algebraic"
     residual: sp.Expr
     surface: sp.Expr | None = None  # h(t, x, mult; p); None for an algebraic unknown
-    regularity: str = (
-        "sliding"  # of a switch or disc: "kink" | "sliding" (relative degree 1) | "crossing" (higher, or never held)
-    )
+    regularity: str = "sliding"  # "kink" | "sliding" (relative degree 1) | "crossing" (higher, or never held)
     hidden: bool = False  # the residual is nonlinear in this multiplier
     # Contact: the whole state after an impact; of elements (index, or Beside, and new value) of what changes.
     impact: tuple[Any, ...] | None = None

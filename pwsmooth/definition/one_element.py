@@ -147,7 +147,9 @@ class OneElement(Expansion):
         neighbours = {s for s, place in self.places.items() if place.base != s}
         meanings = {s: "a symbol of the elements" for s in (*neighbours, *self.sums)}
         behind = [e for _, e in self.sums.values()]
-        behind += [p.outside for p in self.places.values() if p.outside is not None and p.outside not in self.held]
+        behind += [
+            p.outside for p in self.places.values() if p.outside is not None and p.outside not in self.held
+        ]
         return meanings, {*neighbours, *self.sums}, behind
 
 
@@ -277,7 +279,8 @@ def _template(plain, one):
         field,
         switches=tuple((lam, beside.never_zero(h)) for lam, h in field.switches),
         events=tuple(
-            e if e.surface is None else replace(e, surface=beside.where_there_is_one(e.surface)) for e in field.events
+            e if e.surface is None else replace(e, surface=beside.where_there_is_one(e.surface))
+            for e in field.events
         ),
     )
     event_families = []

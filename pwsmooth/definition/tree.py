@@ -19,7 +19,7 @@ from sympy.functions.elementary.piecewise import ExprCondPair
 from . import checks
 from .controls import Control
 from .drives import Drive, rewritten, written
-from .family import Family, Links, Member, MemberMemory, MemberSum, OfNeighbour
+from .family import Family, Links, Member, MemberMemory, MemberSum
 from .model import Select
 from .primitives import Algebraic, Component, Disc, Event, Memory, Reaction, Switch, Unilateral
 

@@ -188,7 +188,9 @@ class _Run:
         text = self.template.model
         written = [b for e in text.events for b, _ in e.update]
         written += [b for m in text.multipliers for b, _ in m.impact or ()]
-        return np.array(sorted({self.code.offsets.index(b.offset) for b in written if isinstance(b, Beside)}), np.int64)
+        return np.array(
+            sorted({self.code.offsets.index(b.offset) for b in written if isinstance(b, Beside)}), np.int64
+        )
 
     def _act_together(self) -> bool:
         """Whether what an event of an element does depends on other elements, or acts on them."""

@@ -188,7 +188,11 @@ def compiled(_, seed):
 
 def play(played, seed):
     """The verdict on one case."""
-    one = case(played.model, seed)
+    return judged(played, case(played.model, seed))
+
+
+def judged(played, one):
+    """The verdict on these numbers."""
     try:
         whole, local = (_run(played, one, way) for way in (False, True))
     except Exception as error:

@@ -86,7 +86,9 @@ class FamilyFields:
     def _moving_states(self, surface: int) -> list[tuple[int, int]]:
         graph = self.graph
         blocks = graph.places(surface, "x")
-        return [place for place in blocks if derivative(graph, surface, self._variable("x", *place)) != graph.zero]
+        return [
+            place for place in blocks if derivative(graph, surface, self._variable("x", *place)) != graph.zero
+        ]
 
     def _variable(self, kind: str, block: int, offset: int) -> int:
         return self.graph.make("var", (), (kind, block, offset)) if offset else self.graph.var(kind, block)
