@@ -141,6 +141,8 @@ class Layout:
             return f"int({near}) != i{family}"
         if offset >= LINKED:
             return f"{neighbour(family, offset)} != i{family}"
+        if self.periodic[family]:
+            return f"m{family} > 0"
         return f"i{family} + {offset} < m{family}" if offset > 0 else f"i{family} >= {-offset}"
 
     def number(self, family: int) -> str:
