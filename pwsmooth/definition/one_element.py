@@ -190,7 +190,7 @@ class Element:
         return {own: k for k in range(most) for s, own in self._of_element(k) if own is not s}
 
     def check_values(self, parameters):
-        """`Field.check_values` for the first element, and for every one that has a parameter 0."""
+        """`Field.check_values` for the first element, and for every one that has a parameter 0 or returns too much."""
         if isinstance(parameters, Numbers):
             symbols = parameters.symbols
             zero = [
@@ -199,11 +199,22 @@ class Element:
             ]
         else:
             zero = [self._element_of.get(p, 0) for p, number in parameters.items() if number == 0]
-        for k in sorted({0, *zero}):
+        for k in sorted({0, *zero, *self._restitutions(parameters)}):
             try:
                 self.definition.field.check_values({s: parameters[own] for s, own in self._of_element(k)})
             except ValueError as error:
                 raise ValueError(named(str(error), k)) from None
+
+    def _restitutions(self, parameters):
+        """The first element whose contact has none between 0 and 1."""
+        template = self.model.families.template
+        given = parameters.array if isinstance(parameters, Numbers) else np.array([*parameters.values()], float)
+        starts = self.model.families.starts("parameters")
+        values = [given[a:b] for a, b in zip(starts, starts[1:])]
+        for _, _, e in self.definition.field.contacts:
+            if e.free_symbols <= set(template.model.parameters) and e.free_symbols:
+                found = np.atleast_1d(sp.lambdify(template.model.parameters, e, "numpy")(*values))
+                yield from np.flatnonzero(~((found >= 0) & (found <= 1)))[:1].tolist()
 
 
 def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled):
