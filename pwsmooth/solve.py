@@ -199,7 +199,7 @@ def solve(
             return run_locally(system, t0, t1, start, times, options, record, spending)
         if record is not None:
             raise ValueError("`record` is given, but the run is not one of local events; leave it out.")
-        if model.families is not None and model.families.template.local_only:
+        if model.families is not None and model.families.template.levels:
             system = system._written_out()
             model, p = system.model, np.array(system.parameter_values, float)
         ready = prepared_run(model, options)

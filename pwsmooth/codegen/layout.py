@@ -133,8 +133,10 @@ class Layout:
             f"    {name} = {wrapped if self.periodic[family] else own}",
         ]
 
-    def is_inside(self, family: int, offset: int) -> str:
-        """Whether the element has that neighbour."""
+    def is_inside(self, family: int, offset: int, computed: bool = False) -> str:
+        """Whether the element has that neighbour, and it is `computed` in this patch."""
+        if self.patch and computed:
+            return f"{self.is_inside(family, offset)} and {neighbour(family, offset)} < m{family}"
         if self.patch:
             offsets = self.offsets[family]
             near = f"near{family}[{len(offsets)} * i{family} + {offsets.index(offset)}]"

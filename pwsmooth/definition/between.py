@@ -147,14 +147,11 @@ class Neighbours:
     # ---- contacts
 
     def contact(self, R, gap, restitution, order):
-        """The Multiplier of a contact between neighbours, of which impacts alone are known; `order`: states, memories.
-
-        Its residual is what reactions do to d2h/dt2.
-        """
+        """The Multiplier of a contact between neighbours; `order`: states, memories."""
         speed = self.along(gap)
         if self.reactions & {self.places[s].base for s in speed.free_symbols if s in self.places}:
             raise NoTemplate("a reaction in the rate of its gap")
-        total, along, pushes = sp.S.Zero, sp.S.Zero, []
+        along, pushes = sp.S.Zero, []
         for s in sorted(speed.free_symbols & self.places.keys(), key=str):
             place = self.places[s]
             if place.base not in self.rate:
@@ -167,7 +164,6 @@ class Neighbours:
                 if self.reactions & {self.places[a].base for a in push.free_symbols if a in self.places}:
                     raise NoTemplate("rates that are not linear in a reaction")
                 push, acts = (self.at(e, place.offset) if place.offset else e for e in (push, q))
-                total += slope * push * acts
                 if acts == R:
                     along += slope * push
                     index = order.index(place.base)
@@ -178,7 +174,7 @@ class Neighbours:
         for index, s, push in pushes:
             stop = push * speed / along
             written.append((index, _short(s - stop) - restitution * _short(stop)))
-        return Multiplier(R, "contact", total, gap, "crossing", impact=tuple(written))
+        return Multiplier(R, "contact", self.along(speed), gap, impact=tuple(written))
 
 
 def _short(e):

@@ -181,7 +181,7 @@ class Multiplier:
     kind: str  # "switch" | "disc" | "component" | "contact" | "algebraic"
     residual: sp.Expr
     surface: sp.Expr | None = None  # h(t, x, mult; p); None for an algebraic unknown
-    regularity: str = "sliding"  # "kink" | "sliding" (relative degree 1) | "crossing" (higher, or never held)
+    regularity: str = "sliding"  # "kink" | "sliding" (relative degree 1) | "crossing" (higher)
     hidden: bool = False  # the residual is nonlinear in this multiplier
     # Contact: the whole state after an impact; of elements (index, or Beside, and new value) of what changes.
     impact: tuple[Any, ...] | None = None
@@ -192,8 +192,8 @@ class Multiplier:
 
     @property
     def may_be_solved(self) -> bool:
-        """Whether it is ever solved for: kinks and crossings are not, nor contacts of which impacts alone are known."""
-        return self.kind not in ("switch", "contact") or self.regularity == "sliding"
+        """Whether it is ever solved for: kinks and crossings are not."""
+        return self.kind != "switch" or self.regularity == "sliding"
 
     @property
     def condition(self) -> sp.Expr:

@@ -28,8 +28,7 @@ from .singular import watched
 from .template import LINKED, MARK, Families, Level, Place, Template, family_model, named
 
 TEMPLATE_FROM = 8
-# Of hidden static friction, and of contacts between neighbours: what has a template then runs by neighbourhoods alone.
-LEVELS_FROM = 100
+LEVELS_FROM = 100  # of hidden static friction: what has a template then runs by neighbourhoods alone
 
 
 class OneElement(Expansion):
@@ -231,7 +230,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled)
         template = _template(plain, one)
         families = Families(template, tuple(f.n for f in one.families), one.links())
         far = [families.sizes[p.family] <= abs(p.offset) < LINKED for p in one.places.values()]
-        least = max(TEMPLATE_FROM, LEVELS_FROM) if template.local_only else TEMPLATE_FROM
+        least = max(TEMPLATE_FROM, LEVELS_FROM) if template.levels else TEMPLATE_FROM
         if min(families.sizes) < least or any(far):
             return None
         model = family_model(families)
@@ -327,16 +326,33 @@ def _template(plain, one):
     )
 
 
-def _check_couplings(multipliers, sums, places):
-    """The residual of an element must not depend on the multipliers of others: they would all couple."""
+def _check_couplings(multipliers, sums, places, field):
+    """The residual of an element must not depend on the multipliers of others: they would all couple.
+
+    But on the reactions of neighbours along a chain. Their factors have to stand, in the rates too: products with what
+    a patch reads of others are not made (codegen/families/memory.py).
+    """
+    constant = {
+        *field.parameters,
+        *(s for s, p in places.items() if p.base is None or p.base in field.parameters),
+    }
     solved = {m.symbol for m in multipliers if m.may_be_solved}
-    own = solved & places.keys()
+    reactions = {m.symbol for m in multipliers if m.kind == "contact"}
+    own, coupled = solved & places.keys(), False
     for m in multipliers:
         if m.symbol not in own:
             continue
         free = m.residual.free_symbols
-        if any(places[s].base in solved and places[s].base != s for s in free & places.keys()):
-            raise NoTemplate("elements that act on their neighbours' multipliers")
+        for s in free & places.keys():
+            if places[s].base not in solved or places[s].base == s:
+                continue
+            coupled = True
+            factors = [
+                e.diff(s) for e in (*field.rates, *(m.residual for m in multipliers)) if s in e.free_symbols
+            ]
+            moving = set().union(*(e.free_symbols for e in factors)) - constant
+            if places[s].base not in reactions or places[s].offset >= LINKED or moving:
+                raise NoTemplate("elements that act on their neighbours' multipliers")
         waiting, inside = list(free & sums.keys()), set()
         while waiting:
             symbols = sums[waiting.pop()].free_symbols
@@ -344,6 +360,8 @@ def _check_couplings(multipliers, sums, places):
             waiting += symbols & sums.keys()
         if inside & own:
             raise NoTemplate("elements that act on each other's multipliers")
+    if coupled and not solved <= own:
+        raise NoTemplate("contacts between elements beside multipliers of the whole")
 
 
 def _multipliers(field, sums, places, beside):
@@ -415,7 +433,7 @@ def _multipliers(field, sums, places, beside):
         after = tuple((i, new) for i, (old, new) in enumerate(zip(order, after, strict=True)) if new != old)
         result.append(Multiplier(R, "contact", residual, gap, impact=after))
     result += [Multiplier(a, "algebraic", r) for a, r in field.algebraic]
-    _check_couplings(result, inner | {s: e for s, (_, e) in more.items()}, places)
+    _check_couplings(result, inner | {s: e for s, (_, e) in more.items()}, places, field)
     return tuple(result), tuple((s, f, e) for s, (f, e) in more.items()), field, tuple(levels)
 
 

@@ -72,15 +72,12 @@ class Template:
     levels: tuple[Level, ...] = ()
 
     @cached_property
-    def contacts(self) -> tuple[int, ...]:
-        """Blocks of the contacts between neighbours, of which impacts alone are known."""
-        multipliers = enumerate(self.model.multipliers)
-        return tuple(b for b, m in multipliers if m.kind == "contact" and not m.may_be_solved)
-
-    @property
-    def local_only(self) -> bool:
-        """Whether a run by neighbourhoods alone knows what the elements do."""
-        return bool(self.levels or self.contacts)
+    def linked(self) -> tuple[int, ...]:
+        """Blocks of multipliers that are solved for together: those of neighbours act on each other; () for none."""
+        solved = [(b, m) for b, m in enumerate(self.model.multipliers) if m.may_be_solved]
+        symbols = {m.symbol for _, m in solved}
+        beside = {s for s in self.beside if self.place[s].base in symbols}
+        return tuple(b for b, _ in solved) if any(m.residual.free_symbols & beside for _, m in solved) else ()
 
     @cached_property
     def place(self) -> dict[sp.Symbol, Place]:

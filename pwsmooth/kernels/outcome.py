@@ -43,7 +43,6 @@ class Outcome(IntEnum):
     IRREVERSIBLE = -16
     INCONSISTENT_CONTACT = -17
     JAM = -18
-    CONTACTS_REST = -19
 
     @property
     def text(self) -> str:
@@ -79,14 +78,13 @@ _TEXTS = {
     Outcome.NO_ROOT: "No attracting root of the layer was found and no direction leads out of it: the layer "
     "system may be unbounded; check the sign of the hidden term.",
     Outcome.SINGULAR: "The equations of the sliding, closed or algebraic multipliers are singular: two of them "
-    "may constrain the same motion.",
+    "may constrain the same motion; or more than 128 contacts between elements of a family are closed, whose forces "
+    "are not solved for together: take a spring with a gap.",
     Outcome.INCONSISTENT_CONTACT: "No reaction or impulse keeps the bodies of a rigid contact apart, as its friction "
     "pushes them together (Painleve's paradox, inconsistent): in nature a tangential impact stops the slip, of which "
     "rigid laws say nothing; take a compliant contact (`pwsmooth.laws.contact`), or less friction.",
     Outcome.JAM: "The reaction of a slipping contact grows beyond all bounds, as its friction comes to push as hard as "
     "it holds (Painleve's paradox, dynamic jam): a compliant contact (`pwsmooth.laws.contact`) decides what follows.",
-    Outcome.CONTACTS_REST: "Elements of a family came to rest on each other, whose forces a run by neighbourhoods does "
-    "not know: solve it with `local=False`, of tens of elements; or take a compliant contact, a spring with a gap.",
     Outcome.IRREVERSIBLE: "Backward in time the past is not unique from here: forward the motion has come to a "
     "stick or to rest, an event has set a memory, or an impact returned nothing. Start before it and go forward.",
     Outcome.LAYER_UNSETTLED: "The layer system neither settled nor left within its bound: a hidden "

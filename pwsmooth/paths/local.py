@@ -135,12 +135,22 @@ class _Run:
         for j in range(nm):
             linked = [g for g in groups if set(links[j]) & set(g)]
             groups = [g for g in groups if g not in linked] + [sorted({j, *(i for g in linked for i in g)})]
+        coupled = set(self.template.linked)
+        groups = [rest for group in groups if (rest := [b for b in group if b not in coupled])]
         g_first, g_block, g_near = self._pattern(linear["G_ROWS"])
-        link_first, link_block, _ = self._pattern([[(b, 0) for b in row] for row in links])
+        beside = {(j, b, o) for j, row in enumerate(linear["G_ROWS"]) for b, o in row if o}
+        beside |= {(b, j, -o) for j, b, o in beside}
+        rows = [
+            [*((b, 0) for b in row), *((b, o) for i, b, o in sorted(beside) if i == j)]
+            for j, row in enumerate(links)
+        ]
+        link_first, link_block, link_near = self._pattern(rows)
         group_first, group_block, _ = self._pattern([[(b, 0) for b in group] for group in sorted(groups)])
         dh_first, dh_block, dh_near = self._pattern(linear["DH_ROWS"])
         contact = np.flatnonzero(self.parts.kind[of_m] == names.CONTACT)
         self.contacts = len(contact)
+        surfaces = [m.surface for m in self.template.model.multipliers]
+        between = np.array([b for b in contact if surfaces[b].free_symbols & self.template.beside], np.int64)
         reads = [e for e in (*self.template.model.multipliers, *self.template.model.events)
                  if e.surface is not None and self.template.beside & e.surface.free_symbols]  # fmt: skip
         acts = any(not isinstance(e, Multiplier) or e.kind == "contact" for e in reads)
@@ -161,8 +171,9 @@ class _Run:
         sizes = dict(ns=self.ns, nm=nm, ne=ne, nt=len(self.timed), nx=len(read), np=len(self.p_fixed))
         return local.Kind.zeros(
             sizes, ns=self.ns, nm=nm, ne=ne, np=len(self.own_parameters), nr=len(self.code.offsets),
-            target=self._targets(), contact=contact, linked=np.array(self.template.contacts, np.int64),
-            reads_between=int(len(reads) > 0), acts_between=int(acts), g_near=g_near, dh_near=dh_near,
+            target=self._targets(), contact=contact, between=between,
+            coupled=np.array(self.template.linked, np.int64), reads_between=int(len(reads) > 0),
+            acts_between=int(acts), g_near=g_near, dh_near=dh_near, link_near=link_near,
             together=int(self._act_together()), timed=np.array(self.timed, np.int64), at_first=at_first, at=at,
             walls=int(walls(self.template)), read=np.array(read, np.int64),
             s_fixed=np.cumsum([0, *~own])[:-1], s_blocks=np.cumsum([0, *own])[:-1], s_own=own.astype(np.int64),
@@ -240,18 +251,21 @@ class _Run:
             fixed, each = of["scratch"]
             own = max(own, -(-(fixed + each * places) // self.stride))
         rows += own
+        coupled = len(self.template.linked)
         entries, gradients = self.fixed_m + len(self.g_block) * members, len(self.dh_block) * members
         return {
-            "n": self.ns * places, "m": m, "ne": ne, "nz": 0, "blocks": self.fixed_m + self.own_groups * members,
+            "n": self.ns * places, "m": m, "ne": ne, "nz": 0,
+            "blocks": self.fixed_m + self.own_groups * members + int(coupled > 0),
             "width": self.stride, "rows": rows, "fold_size": 0, "entries": entries,
             "gradients": gradients + m + ne, "fold_entries": 0, "fold_gradients": 0,
-            "group": max(map(len, self.groups), default=0), "hubs": 0, "onset": 0, "room": 16,
+            "group": max(*map(len, self.groups), min(coupled * self.n, _TOUCHING), 0),
+            "hubs": 0, "onset": 0, "room": 16,
             "contacts": min(self.contacts * self.n, _TOUCHING), "contact": self.contacts * members,
             "discs": 0, "pieces": 0, "polynomials": 0, "order": 0, "tapes": 0, "times": 0,
             "p": len(self.p_fixed) - len(self.own_parameters) + len(self.own_parameters) * places,
             "g_col": entries, "link_col": len(self.link_block) * members, "dh_col": gradients,
             **{f"flat_{name}": int((1 + (members - 1) * of["flat_own"]).sum()) for name, of in self.rows.items()},
-            "block_member": self.fixed_m + len(self.group_block) * members,
+            "block_member": self.fixed_m + (len(self.group_block) + coupled) * members,
         }  # fmt: skip
 
     def _bundles(self, most: int) -> None:

@@ -50,11 +50,9 @@ def why_global(model: Model) -> str:
         if event.tables or any(e.free_symbols & template.place.keys() for e in event.at):
             return "it has sampled drives, or instants that differ from element to element"
     states = set(text.states)
-    # How impacts act on each other is a matter of the instant, which has all that touch.
-    together = {text.multipliers[b].residual for b in template.contacts}
-    used = set().union(*(e.free_symbols for e in moving if e not in together))
+    used = set().union(*(e.free_symbols for e in moving))
     read = {template.place[s].base for s in used & template.beside}
-    if read - states - set(text.parameters) - {text.multipliers[b].symbol for b in template.contacts}:
+    if read - states - set(text.parameters) - {text.multipliers[b].symbol for b in template.linked}:
         return "elements read the multipliers of others"
     return _why_not_by_series(few_elements(template))
 

@@ -31,11 +31,11 @@ class CompiledProblem:
 
     def __init__(self, model: Model):
         self.model, self._scratch = model, threading.local()
-        if model.families and model.families.template.local_only and max(model.families.sizes) > FEW:
+        if model.families and model.families.template.levels and max(model.families.sizes) > FEW:
             raise ValueError(
-                f"a family of {max(model.families.sizes)} elements with hidden static friction, or with contacts "
-                "between neighbours, runs event by event of its elements, in solve() or in a sweep with `record`; "
-                "give a smaller family, whose elements are written out."
+                f"a family of {max(model.families.sizes)} elements with hidden static friction runs event by event of "
+                "its elements, in solve() or in a sweep with `record`; give a smaller family, whose elements are "
+                "written out."
             )
         code = self.code = compile_model(model)
         self.has_jets = code.has_jets

@@ -18,7 +18,18 @@ from .assemblies import Case, Model, _links, t, templates, u
 from .judging import Played
 
 TITLE = "links"
-KINDS = ("gaps", "hooks", "bonds", "floor", "floor and belt", "hits", "rods", "balls", "floor and balls")
+KINDS = (
+    "gaps",
+    "hooks",
+    "bonds",
+    "floor",
+    "floor and belt",
+    "hits",
+    "rods",
+    "balls",
+    "floor and balls",
+    "pile",
+)
 PAIRS = (
     "bonds",
     "hits",
@@ -36,8 +47,7 @@ def structure(seed):
     way = ways[int(r.integers(len(ways)))]
     n = int(np.exp(r.uniform(np.log(2), np.log(60.9))))
     n = max(n, {"graph": 5, "lattice": 2}.get(way, 3))
-    if kind in ("rods", "balls", "floor and balls"):
-        n = min(n, 3 + int(r.integers(8)))  # their elements are written out for the run of all
+    way, n = ("chain", min(n, 12)) if kind == "pile" else (way, n)
     family = Family(n, periodic=way == "ring")
     y, w = family.symbols("y w")
     F, k, c, e, g, m = family.symbols("F k c e g m", positive=True)
@@ -79,14 +89,20 @@ def structure(seed):
         swap = {w: e * family.neighbour(w, 1), family.neighbour(w, 1): e * w}
         events = [Event(nxt - y + 1, direction=-1, update=swap, name="hit")]
         rates = {y: w, w: pull - y * c + u * sp.cos(2 * t)}
+    elif kind == "pile":
+        ball = Unilateral(nxt - y - 1, restitution=e * sp.Rational(2, 3), name="R")
+        below = Unilateral(y, restitution=e * sp.Rational(2, 3), name="L")
+        contacts = [ball, below]
+        push = ball.reaction - family.neighbour(ball.reaction, -1)
+        rates = {y: w, w: (below.reaction - push + (k * (nxt - y - 1) if pull != 0 else 0)) / m - c - 1}
     else:
         gap = family.neighbour(y, 1, outside=None if way == "ring" or r.random() < 0.5 else 1) - y + 1
-        ball = Unilateral(gap, restitution=1 if kind == "rods" else 0.9 + e / 20, name="R")
+        ball = Unilateral(gap, restitution=1 if kind == "rods" else e, name="R")
         contacts = [ball]
         force = -c * y + (pull if kind != "floor and balls" else 0)
         floor = 0
         if kind == "floor and balls":
-            below = Unilateral(y + 2, restitution=0.9 + e / 20, name="L")
+            below = Unilateral(y + 2, restitution=e, name="L")
             contacts.append(below)
             floor = below.reaction
         rates = {y: w, w: (force + floor + family.neighbour(ball.reaction, -1) - ball.reaction) / m}
@@ -123,6 +139,8 @@ def case(M, seed):
     start = {x: numbers(-1.5, 1.5) if x.name in "wv" else numbers(-0.45, 0.45) for x in M.states}
     if "floor" in M.kind and "balls" not in M.kind:
         start[M.states[0]] = numbers(0.1, 0.9)
+    if M.kind == "pile":
+        start[M.states[0]] = [a + 1.1 * i for i, a in enumerate(numbers(0.01, 0.1))]
     end = float(r.uniform(0.5, 4))
     return Case(p, start, np.sort(np.append(r.uniform(0, end, 5), [0.0, end])))
 

@@ -25,11 +25,9 @@ class FamilyFields:
         self.model, self.layout = graph.model, Layout(graph.template, patch)
         self.h = surfaces(graph)
         self.rates = [graph.expression(e) for e in self.model.rhs]
-        # What is never solved for needs no residual; that of a contact says how impacts act on each other.
-        self.acts = [m.may_be_solved or m.kind == "contact" for m in self.model.multipliers]
+        # What is never solved for needs no residual.
         self.residuals = [
-            graph.expression(m.residual) if acts else graph.zero
-            for m, acts in zip(self.model.multipliers, self.acts)
+            graph.expression(m.residual) if m.may_be_solved else graph.zero for m in self.model.multipliers
         ]
 
     def write(self) -> dict[str, str]:
@@ -71,9 +69,9 @@ class FamilyFields:
 
     def _linear(self, source: Source) -> None:
         graph, lay = self.graph, self.layout
-        G = []
+        G, solved = [], [m.may_be_solved for m in self.model.multipliers]
         for i, r in enumerate(self.residuals):
-            found = {(i, 0), *((j, o) for j, o in graph.places(r, "mult") if self.acts[j])}
+            found = {(i, 0), *((j, o) for j, o in graph.places(r, "mult") if solved[j])}
             G.append(sorted(found, key=lambda place: (place[0], place[1] != 0, place[1])))
         dh = [self._moving_states(s) for s in self.h]
         entries, length = self._rows("G", G, lay.multipliers, "mult", lay.multipliers, self.residuals, Count())
@@ -100,6 +98,8 @@ class FamilyFields:
             place = start
             for b, offset in blocks:
                 slope = derivative(graph, node, self._variable(kind, b, offset))
+                if offset and kind == "mult" and self.layout.patch:
+                    slope = graph.ite(graph.make("inside", (), (family, offset, True)), slope, graph.zero)
                 if family is None:
                     entries.append((array, place, columns[b], slope))
                     place += one(columns[b])

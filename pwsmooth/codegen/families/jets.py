@@ -14,8 +14,6 @@ from __future__ import annotations
 
 import re
 
-import sympy as sp
-
 from ...definition.model import Model
 from ..fields import Source, surfaces
 from ..graph.dag import Graph
@@ -41,7 +39,7 @@ class FamilyJet(ElementMemory):
         self.graph = graph = Graph(model)
         self.model, self.layout = graph.model, Layout(graph.template, patch)
         self.states = [graph.var("x", i) for i in range(len(self.model.states))]
-        rates = [graph.expression(self.open(e)) for e in self.model.rhs]
+        rates = [graph.expression(e) for e in self.model.rhs]
         h = surfaces(graph)
         nodes = rewrite(graph, rates + h + self._residuals())
         self.rates, self.h = nodes[: len(rates)], nodes[len(rates) : len(rates) + len(h)]
@@ -60,12 +58,6 @@ class FamilyJet(ElementMemory):
         self.source = Source()
         self.slots: dict[tuple[int, str], int] = {}
         self.closed: set[int] = set()
-
-    def open(self, e):
-        """An expression with the reactions of contacts between neighbours 0: such a contact pushes at impacts alone."""
-        template = self.graph.template
-        reactions = {self.model.multipliers[b].symbol for b in template.contacts}
-        return e.xreplace({s: sp.S.Zero for s, p in template.places if p.base in reactions}) if reactions else e
 
     # ---- what the general program does otherwise
 

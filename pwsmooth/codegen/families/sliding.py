@@ -6,8 +6,7 @@ Order k of every residual is found with all lambda_k = 0; it is linear in them, 
     [B_i  D  ] [lambda  ] = - [g  ]      A_i: multipliers of element i,  D: those of the whole
 
 gives them: lambda from D - sum B_i Y_i, Y_i = A_i^-1 C_i, then lambda_i = -A_i^-1 g_i - Y_i lambda, in O(n). The second
-pass makes order k of everything with them. (A residual of an element that depends on other elements' multipliers has
-no such form; one_element.py writes the elements out.)
+pass makes order k of everything with them. (Where elements act on their neighbours' contacts: coupled.py.)
 Returns 1 where A_i or the system of the whole is singular.
 
 Chain: jets.py -> sliding (here) -> native.py.
@@ -38,7 +37,7 @@ class FamilyGeneral(FamilyJet):
         self.whole = [j for j in solved if lay.multipliers[j] is None]
         self.own = {f: [j for j in solved if lay.multipliers[j] == f] for f in range(len(lay.periodic))}
         self.own = {f: js for f, js in self.own.items() if js}
-        return [graph.expression(self.open(self.model.multipliers[j].residual)) for j in solved]
+        return [graph.expression(self.model.multipliers[j].residual) for j in solved]
 
     def residual(self, j: int) -> int:
         return self.residuals[self._solved().index(j)]

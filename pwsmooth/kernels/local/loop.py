@@ -168,14 +168,31 @@ def _take_in_written(A, S, W):
 
 
 @kernel
-def _some_rest(A, S):
-    """Whether members have come to rest on each other."""
+def _rest_on_others(A, S):
+    """Whether members rest on what is none; takes in what is about them then, and some more."""
     T, E = A.patch, A.kind
-    for c in range(len(E.linked)):
-        for k in range(T.count):
-            if S.status[number_of(E, E.linked[c], T.count, k)] == SOLVED:
-                return True
-    return False
+    members = T.count
+    for k in range(members):
+        for c in range(len(E.between)):
+            if S.status[number_of(E, E.between[c], members, k)] == SOLVED:
+                for r in range(E.nr):
+                    i = A.near[T.member[k], r]
+                    if T.mark[i] != 2 * T.stamp:
+                        A.seen[i] = -1  # marked, until it is taken in
+    some = False
+    for k in range(members, T.total):
+        some = some or A.seen[T.member[k]] == -1
+    if some:
+        # Members grow over what they read: from behind, each is looked at before it is written over.
+        first, last = T.count, T.total
+        open_rim(A)
+        for k in range(first, last):
+            i = T.member[k]
+            if A.seen[i] == -1:
+                A.seen[i] = 0
+                take_in(A, i)
+        reach(A, _AROUND)
+    return some
 
 
 @kernel
@@ -312,8 +329,6 @@ def _renew(A, P, C, S, R, W, t, stop, why):
             if code >= GO_ON and _take_in_written(A, S, W):
                 continue  # the instant once more, with those that its events reach
             _after_instant(A, S, t)
-            if code >= GO_ON and _some_rest(A, S):
-                return Outcome.CONTACTS_REST
             if code == GO_ON and S.t != t:
                 # An accumulation has been passed: what is read moves on to its limit too.
                 note_records(A, P, S, R)
@@ -448,25 +463,26 @@ def _begin(A, P, C, S, R, W):
         for _ in range(_AROUND):
             if T.count < 4 * _CHUNK:
                 reach(A, 1)
-        if not close_rim(A) or not _has_room(A, P, S, R):
-            return Outcome.OUT_OF_MEMORY
-        gather(A, P, C, S, W, A.t)
-        S.started = 0
-        S.step = min(1e-3, C.max_step)
-        S.side[:] = 1
-        S.deflate[:] = 0
-        for j in range(P.m):
-            forget_intervals(S.last[j], A.t)
-        W.firing.last[:, :] = 0.0
-        W.meeting.widest[:] = 0.0
-        code = call_unit(P.instant_unit, P, C, S, R, W)
-        # What holds from the start is no event.
-        S.events = 0
+        while True:
+            if not close_rim(A) or not _has_room(A, P, S, R):
+                return Outcome.OUT_OF_MEMORY
+            gather(A, P, C, S, W, A.t)
+            S.started = 0
+            S.step = min(1e-3, C.max_step)
+            S.side[:] = 1
+            S.deflate[:] = 0
+            for j in range(P.m):
+                forget_intervals(S.last[j], A.t)
+            W.firing.last[:, :] = 0.0
+            W.meeting.widest[:] = 0.0
+            code = call_unit(P.instant_unit, P, C, S, R, W)
+            # What holds from the start is no event.
+            S.events = 0
+            if code != GO_ON or not _rest_on_others(A, S):
+                break
         if code != GO_ON:
             note_records(A, P, S, R)
             return code
-        if _some_rest(A, S):
-            return Outcome.CONTACTS_REST
         for k in range(own):
             for b in range(E.nm):
                 j = number_of(E, b, T.count, k)
@@ -645,7 +661,7 @@ def _finish(A, P, C, S, R, W):
                 mask_solved(P, S, W)
                 if follow(P, S, W):
                     for b in range(A.kind.nm):
-                        A.mult[i, b] = S.mult[number_of(A.kind, b, 1, 0)]
+                        A.mult[i, b] = S.mult[number_of(A.kind, b, A.patch.count, 0)]
     begin_patch(A)
     for i in range(len(A.begun)):
         if A.fresh[i] != stamp:

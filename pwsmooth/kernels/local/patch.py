@@ -109,8 +109,26 @@ def open_rim(A):
 
 
 @kernel
+def _take_in_held(A):
+    """Takes in what touches the members and what touches that: forces go through it at once."""
+    T, E = A.patch, A.kind
+    k = 0
+    while k < T.count and len(E.between) > 0:
+        i = T.member[k]
+        for c in range(len(E.between)):
+            if A.status[i, E.between[c]] == SOLVED:
+                for r in range(E.nr):
+                    take_in(A, A.near[i, r])
+            for e in range(A.reader_first[i], A.reader_first[i + 1]):
+                if A.status[A.reader[e], E.between[c]] == SOLVED:
+                    take_in(A, A.reader[e])
+        k += 1
+
+
+@kernel
 def close_rim(A):
     """Finds what the members read of others; False where there is no room for so many."""
+    _take_in_held(A)
     T, nr = A.patch, A.kind.nr
     T.total = T.count
     for k in range(T.count):
@@ -209,7 +227,7 @@ def shape(A, P, C, W):
                 P.g_col[at_g] = number_of(E, E.g_block[e], M, _place_near(A, k, E.g_near[e], M))
                 at_g += 1
             for e in range(E.link_first[b], E.link_first[b + 1]):
-                P.link_col[at_link] = number_of(E, E.link_block[e], M, k)
+                P.link_col[at_link] = number_of(E, E.link_block[e], M, _place_near(A, k, E.link_near[e], M))
                 at_link += 1
     P.g_row[P.m], P.link_row[P.m] = at_g, at_link
     for g in range(len(E.group_first) - 1):
@@ -218,6 +236,13 @@ def shape(A, P, C, W):
             group += 1
             for e in range(E.group_first[g], E.group_first[g + 1]):
                 P.block_member[at_group] = number_of(E, E.group_block[e], M, k)
+                at_group += 1
+    if len(E.coupled) > 0:
+        P.block_row[group] = at_group
+        group += 1
+        for k in range(M):
+            for e in range(len(E.coupled)):
+                P.block_member[at_group] = number_of(E, E.coupled[e], M, k)
                 at_group += 1
     P.block_row[group] = at_group
     for b in range(nm + ne):

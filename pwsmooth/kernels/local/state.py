@@ -45,13 +45,15 @@ class Kind(Bundle):
     g_near: "i8[:]"  # in which neighbour: a column of `near`, -1 for the element itself
     link_first: "i8[nm + 1]"
     link_block: "i8[:]"
+    link_near: "i8[:]"
     group_first: "i8[:]"
     group_block: "i8[:]"
     dh_first: "i8[nm + ne + 1]"
     dh_block: "i8[:]"
     dh_near: "i8[:]"
     contact: "i8[:]"  # blocks of contacts, and of those between neighbours
-    linked: "i8[:]"
+    between: "i8[:]"
+    coupled: "i8[:]"  # blocks of multipliers of which those of neighbours act on each other
     reads_between: "int"  # 1: surfaces read neighbours
     acts_between: "int"  # 1: and what happens there acts on states
     surface_slip: "i8[nm + ne]"  # blocks of elements before the surface's row, -1 where it has none
