@@ -57,25 +57,27 @@ class Neighbours:
             if known:
                 raise NoTemplate("neighbours of neighbours by a table")
             return sp.Symbol(f"{s.name} of {offset}", **s._assumptions_orig)
-        base = self.places[place.base]
-        return (
-            place.base
-            if offset + place.offset == 0
-            else self.symbol(place.base, base.family, offset + place.offset)
+        total = offset + place.offset
+        if total == 0:
+            return place.base
+        # Beyond an end it is what the neighbour, which is there, has in its place.
+        outside = (
+            self.at(place.outside, offset, known) if place.offset and place.outside is not None else place.base
         )
+        return self.symbol(place.base, place.family, total, outside)
 
-    def symbol(self, base, family, offset):
+    def symbol(self, base, family, offset, outside):
         """The symbol of a neighbour."""
-        outside = sp.S.Zero if base in self.reactions else base
+        if base in self.reactions:
+            outside = sp.S.Zero
         if self.periodic[family] and offset < LINKED:
             outside = None
         wanted = Place(family, base, offset, outside)
         for s, place in self.places.items():
-            if place == wanted or (place.base == base and place.offset == offset and outside is None):
+            if place == wanted:
                 return s
-        s = sp.Symbol(f"{base.name}[{offset:+d}]", **base._assumptions_orig)
-        if s in self.places:
-            s = sp.Symbol(f"{s.name}|free", **base._assumptions_orig)
+        mark = "" if outside in (None, 0) else f"|{outside}"
+        s = sp.Symbol(f"{base.name}[{offset:+d}{mark}]", **base._assumptions_orig)
         self.places[s] = wanted
         return s
 
