@@ -232,7 +232,7 @@ def _apart_from_single_impacts(P, S, W, size):
 def _collide(P, S, R, W, size):
     """Impacts of the touching contacts, those that act on each other together; whether they have a solution: a code."""
     contacts = W.contacts
-    approaching, together = False, False
+    approaching, together, first = False, False, -1
     for a in range(size):
         approaching = approaching or contacts.speed[a] < -contacts.at_rest[a]
     if not approaching:
@@ -245,12 +245,13 @@ def _collide(P, S, R, W, size):
         contacts.load[a] = contacts.speed[a]
         if contacts.speed[a] < -contacts.at_rest[a]:
             contacts.load[a] -= _rebound(P, S, W, contacts.touching[a])
-            together = together or _coupled(W.contacts, a, size)
+            if not together and _coupled(W.contacts, a, size):
+                together, first = True, a
     if together:
         if not _complementarity(W.contacts, size):
             return UNSOLVABLE
         if _apart_from_single_impacts(P, S, W, size) > 1e-9:
-            record_ambiguity(S, R, contacts.touching[0], AMB_IMPACTS, 0)
+            record_ambiguity(S, R, contacts.touching[first], AMB_IMPACTS, 0)
     for a in range(size):
         j, meets = contacts.touching[a], contacts.speed[a] < -contacts.at_rest[a]
         if together and _coupled(W.contacts, a, size):

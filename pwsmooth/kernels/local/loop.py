@@ -14,6 +14,7 @@ import math
 from numba import types
 
 from ..instant.accumulation import AT_ONCE
+from ..instant.surface_rates import evaluate_surfaces
 from ..intervals import forget_intervals
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import at, call_unit, float_bits
@@ -23,7 +24,7 @@ from ..step.looking import shorten_to_fit
 from ..step.meeting import find_first
 from ..step.recording import record_ambiguity
 from ..step.steps import powers
-from ..surface.sliding import follow, mask_solved
+from ..surface.sliding import follow, mask_solved, surface_rounding
 from ..trajectory import find_multipliers, propose
 from ..work import Work
 from .patch import (
@@ -168,31 +169,25 @@ def _take_in_written(A, S, W):
 
 
 @kernel
-def _rest_on_others(A, S):
-    """Whether members rest on what is none; takes in what is about them then, and some more."""
+def _take_in_touching(A, P, S, W):
+    """Takes in what members touch, and what may touch them; True if that is more. Forces and impacts go through it."""
     T, E = A.patch, A.kind
+    if len(E.between) == 0:
+        return False
+    evaluate_surfaces(P, S, W)
     members = T.count
+    open_rim(A)
     for k in range(members):
         for c in range(len(E.between)):
-            if S.status[number_of(E, E.between[c], members, k)] == SOLVED:
+            j = number_of(E, E.between[c], members, k)
+            if S.status[j] == SOLVED or W.meeting.tau[j] <= 0.0 or W.h[j] <= surface_rounding(P, S, j, W):
+                take_in_readers(A, T.member[k])
                 for r in range(E.nr):
-                    i = A.near[T.member[k], r]
-                    if T.mark[i] != 2 * T.stamp:
-                        A.seen[i] = -1  # marked, until it is taken in
-    some = False
-    for k in range(members, T.total):
-        some = some or A.seen[T.member[k]] == -1
-    if some:
-        # Members grow over what they read: from behind, each is looked at before it is written over.
-        first, last = T.count, T.total
-        open_rim(A)
-        for k in range(first, last):
-            i = T.member[k]
-            if A.seen[i] == -1:
-                A.seen[i] = 0
-                take_in(A, i)
-        reach(A, _AROUND)
-    return some
+                    take_in(A, A.near[T.member[k], r])
+    if T.count == members:
+        close_rim(A)
+        return False
+    return True
 
 
 @kernel
@@ -321,6 +316,8 @@ def _renew(A, P, C, S, R, W, t, stop, why):
         S.step = A.length[T.member[0]] if A.alone != 0 else C.t_end - t
         code = GO_ON
         if not settled and _prepare_instant(A, S, W, t):
+            if _take_in_touching(A, P, S, W):
+                continue
             # What holds the members is that of the instant at which they were renewed: an instant asks for its own.
             mask_solved(P, S, W)
             follow(P, S, W)
@@ -467,19 +464,19 @@ def _begin(A, P, C, S, R, W):
             if not close_rim(A) or not _has_room(A, P, S, R):
                 return Outcome.OUT_OF_MEMORY
             gather(A, P, C, S, W, A.t)
-            S.started = 0
-            S.step = min(1e-3, C.max_step)
-            S.side[:] = 1
-            S.deflate[:] = 0
-            for j in range(P.m):
-                forget_intervals(S.last[j], A.t)
-            W.firing.last[:, :] = 0.0
-            W.meeting.widest[:] = 0.0
-            code = call_unit(P.instant_unit, P, C, S, R, W)
-            # What holds from the start is no event.
-            S.events = 0
-            if code != GO_ON or not _rest_on_others(A, S):
+            if not _take_in_touching(A, P, S, W):
                 break
+        S.started = 0
+        S.step = min(1e-3, C.max_step)
+        S.side[:] = 1
+        S.deflate[:] = 0
+        for j in range(P.m):
+            forget_intervals(S.last[j], A.t)
+        W.firing.last[:, :] = 0.0
+        W.meeting.widest[:] = 0.0
+        code = call_unit(P.instant_unit, P, C, S, R, W)
+        # What holds from the start is no event.
+        S.events = 0
         if code != GO_ON:
             note_records(A, P, S, R)
             return code
