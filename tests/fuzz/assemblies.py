@@ -191,8 +191,8 @@ def play(played, seed):
     return judged(played, case(played.model, seed))
 
 
-def judged(played, one):
-    """The verdict on these numbers."""
+def judged(played, one, late=1e-8):
+    """The verdict on these numbers, with events that come so `late` at most."""
     try:
         whole, local = (_run(played, one, way) for way in (False, True))
     except Exception as error:
@@ -202,7 +202,7 @@ def judged(played, one):
             WRONG if whole.success else REFUSED
         )  # folds of several elements at one instant stop the run of all
         return Verdict(kind, f"{whole.outcome.name}, by elements {local.outcome.name}")
-    found = compared(whole, local)
+    found = compared(whole, local, late)
     if found is None:
         return Verdict(RIGHT)
     reason, error = found
@@ -247,7 +247,7 @@ def _multipliers(solution):
     return {name: (lam, status) for name, lam, status in rows}
 
 
-def compared(whole, local):
+def compared(whole, local, most=1e3 * BOUND):
     """(what differs, by how much) between two runs of a case, or None."""
     size = 1 + float(np.abs(whole.x).max())
     if not np.array_equal(whole.t, local.t):
@@ -270,7 +270,7 @@ def compared(whole, local):
         if [e[1:] for e in events] != [e[1:] for e in theirs[name]]:
             return f"events of {name}", np.inf
         late = max(abs(a[0] - b[0]) for a, b in zip(events, theirs[name], strict=True))
-        if late > 1e3 * BOUND:
+        if late > most:
             return f"times of {name}", late
     times = [e.time for e in local.events]
     if times != sorted(times):

@@ -18,6 +18,7 @@ from ..machine.pointers import at, call_fields, call_linear
 from ..state import HELD, SLIDING, SOLVED
 from ..step.roots import NO_ROOT
 from ..step.steps import dot, powers
+from .members import number_of
 
 _GIVEN = 1e300  # absolute tolerance of a motion that is given
 _AT_ONCE = 1e-12  # of the time: what an element was left with so shortly ago still stands
@@ -34,130 +35,7 @@ def _put_at(typingctx, address, value):
     return types.void(types.int64, types.int64), codegen
 
 
-# ---- members, and what they read
-
-
-@kernel
-def begin_patch(A):
-    A.patch.stamp += 1
-    A.patch.count = A.patch.total = 0
-
-
-@kernel
-def take_in(A, i):
-    """Makes element i a member."""
-    T = A.patch
-    if T.mark[i] != 2 * T.stamp:
-        T.mark[i] = 2 * T.stamp
-        T.slot[i] = T.count
-        T.member[T.count] = i
-        T.count += 1
-
-
-@kernel
-def is_wall(A, i):
-    """Whether element i sticks such that what happens on one side of it does not reach the other."""
-    if A.kind.walls == 0:
-        return False
-    for j in range(A.kind.nm):
-        if A.kind.kind[j] == SLIDING and A.status[i, j] != SOLVED:
-            return False
-    return True
-
-
-@kernel
-def take_in_readers(A, i):
-    for e in range(A.reader_first[i], A.reader_first[i + 1]):
-        take_in(A, A.reader[e])
-
-
-@kernel
-def reach(A, depth):
-    """Takes in what the members reach over so many links, through elements that move."""
-    first, last = 0, A.patch.count
-    for level in range(depth):
-        for k in range(first, last):
-            i = A.patch.member[k]
-            if level == 0 or not is_wall(A, i):
-                take_in_readers(A, i)
-        first, last = last, A.patch.count
-        if first == last:
-            break
-
-
-@kernel
-def take_in_cluster(A):
-    """Takes in all that is linked with the members through elements that move."""
-    k = 0
-    while k < A.patch.count:
-        i = A.patch.member[k]
-        if not is_wall(A, i):
-            take_in_readers(A, i)
-            for r in range(A.kind.nr):
-                take_in(A, A.near[i, r])
-        k += 1
-
-
-@kernel
-def open_rim(A):
-    """Forgets what the members read of others, which may be taken in now."""
-    T = A.patch
-    for k in range(T.count, T.total):
-        if T.mark[T.member[k]] == 2 * T.stamp + 1:
-            T.mark[T.member[k]] = 0
-    T.total = T.count
-
-
-@kernel
-def _take_in_held(A):
-    """Takes in what touches the members and what touches that: forces go through it at once."""
-    T, E = A.patch, A.kind
-    k = 0
-    while k < T.count and len(E.between) > 0:
-        i = T.member[k]
-        for c in range(len(E.between)):
-            if A.status[i, E.between[c]] == SOLVED:
-                for r in range(E.nr):
-                    take_in(A, A.near[i, r])
-            for e in range(A.reader_first[i], A.reader_first[i + 1]):
-                if A.status[A.reader[e], E.between[c]] == SOLVED:
-                    take_in(A, A.reader[e])
-        k += 1
-
-
-@kernel
-def close_rim(A):
-    """Finds what the members read of others; False where there is no room for so many."""
-    _take_in_held(A)
-    T, nr = A.patch, A.kind.nr
-    T.total = T.count
-    for k in range(T.count):
-        i = T.member[k]
-        for r in range(nr):
-            j = A.near[i, r]
-            if T.mark[j] < 2 * T.stamp:
-                T.mark[j] = 2 * T.stamp + 1
-                T.slot[j] = T.total
-                T.member[T.total] = j
-                T.total += 1
-    if T.total > T.most:
-        T.needs = T.total
-        return False
-    for k in range(T.count):
-        i = T.member[k]
-        T.number[k] = i + 1.0
-        for r in range(nr):
-            T.near[nr * k + r] = float(T.slot[A.near[i, r]])
-    return True
-
-
 # ---- the small system
-
-
-@inlined_kernel
-def number_of(E, s, M, k):
-    """Number of surface s of member k: some belong to all elements."""
-    return E.s_fixed[s] + E.s_blocks[s] * M + (k if E.s_own[s] else 0)
 
 
 @kernel
@@ -191,6 +69,25 @@ def _fill_flat(A, rows, blocks, own, fixed):
 
 
 @kernel
+def _in_order(A, to, first, M):
+    """Overwrites to[first:first + M] by the numbers of the members, ascending by element (Shell's sort)."""
+    member = A.patch.member
+    for k in range(M):
+        to[first + k] = k
+    step = 1
+    while 3 * step < M:
+        step = 3 * step + 1
+    while step > 0:
+        for k in range(step, M):
+            new, j = to[first + k], k
+            while j >= step and member[to[first + j - step]] > member[new]:
+                to[first + j] = to[first + j - step]
+                j -= step
+            to[first + j] = new
+        step //= 3
+
+
+@kernel
 def shape(A, P, C, W):
     """Overwrites what of the small system's arrays depends on the numbers of members and places."""
     T, E = A.patch, A.kind
@@ -198,7 +95,7 @@ def shape(A, P, C, W):
     if T.shaped[0] == M and T.shaped[1] == places:
         return
     T.shaped[0], T.shaped[1] = M, places
-    if E.reads_between != 0:
+    if E.reads_between != 0 or len(E.contact) > 0:
         T.shaped[0] = -1  # which entries of its surfaces' gradients are whose, is another matter in every patch
     for c in range(T.cell.shape[0]):
         _put_at(T.cell[c, 0], T.cell[c, 1] + T.cell[c, 2] * M + T.cell[c, 3] * places)
@@ -255,11 +152,11 @@ def shape(A, P, C, W):
             P.rows_slip[i] = _row(A, E.surface_slip[b], E.own_slip[b], E.of_slip[b], k, M, places)
             P.rows_general[i] = _row(A, E.surface_general[b], E.own_general[b], E.of_general[b], k, M, places)
     P.dh_row[P.m + P.ne] = at_dh
-    at_contact = 0
+    # Contacts in the order of the elements: "one after the other, from either end" means something.
     for b in range(len(E.contact)):
+        _in_order(A, P.contact, b * M, M)
         for k in range(M):
-            P.contact[at_contact] = number_of(E, E.contact[b], M, k)
-            at_contact += 1
+            P.contact[b * M + k] = number_of(E, E.contact[b], M, P.contact[b * M + k])
     for b in range(ne):
         for k in range(M):
             i = number_of(E, nm + b, M, k) - P.m
