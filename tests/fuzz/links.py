@@ -156,10 +156,9 @@ def compiled(_, seed):
 
 def play(played, seed):
     """The verdict on one case."""
-    # A bounce that stays within the rounding of its gap, 1e-13 of what the gap is made of, is over at any instant at
-    # which its contact is looked at: the run of all looks at every one, whatever happens elsewhere.
-    late = np.sqrt(1e-13 * played.model.n) if played.model.kind == "pile" else 1e-8
-    return assemblies.judged(played, case(played.model, seed), late)
+    # A bounce that stays within the rounding of its gap is over at any instant at which its contact is looked at, and
+    # the run of all looks at every one, whatever happens elsewhere: in a pile the last bounces of many come together.
+    return assemblies.judged(played, case(played.model, seed), cascades=played.model.kind == "pile")
 
 
 def script(number, seed):
