@@ -297,7 +297,7 @@ def granular_chain(
     >>> from pwsmooth.scenes import granular_chain
     >>> run = granular_chain(n=20, taper=0.9).solve(t_eval=[0, 2])
     >>> print(f"{run['v_20'][-1]:.6f}; {(2 / 1.9)**19:.6f}")
-    2.649954; 2.649954
+    2.650034; 2.650034
     """
     if restitution > 1:
         raise ValueError(f"`restitution` is {restitution:g}; give 0 to 1.")
