@@ -171,10 +171,54 @@ def test_a_blow_runs_through_springs_that_touch_in_half_their_time_of_contact():
     start = {x: 0, v: [1.0] + [0.0] * (n - 1)}
     run = solve(system, (0, 8), start, t_eval=[0, 8], local=True, **TIGHT)
     contact = np.pi * np.sqrt(1 / (2 * k))
-    # A surface at either end of a link: four kinks for each, of which the first comes with its contact.
-    begins = np.sort(run.events.times)[::4]
+    begins = run.events.times[::2]  # each is met twice, at either end of its contact, and told once
     np.testing.assert_allclose(begins, gap + np.arange(n - 1) * (gap + contact / 2), rtol=0, atol=1e-11)
     assert run.x[n:, -1] == pytest.approx([0.0] * (n - 1) + [1.0], abs=1e-11)
+
+
+@pytest.mark.parametrize("way", ["chain", "ring", "lattice", "graph", "wall"])
+@pytest.mark.parametrize("local", [False, True])
+def test_what_happens_between_two_elements_is_one_event(way, local):
+    """As where the elements are written out: there a surface stands once, whoever reads it."""
+    n = 12
+    family = Family(n, periodic=way == "ring")
+    x, v = family.symbols("x v")
+    if way in ("lattice", "graph"):
+        table = [[k % n + 1, (k - 2) % n + 1, (k + 5) % n + 1] for k in range(1, n + 1)]
+        over = family.lattice((3, 4)).sum if way == "lattice" else family.links(table).sum
+        push = over(
+            lambda at: sp.Max(0, at(x) - x - sp.Rational(1, 5)) - sp.Max(0, x - at(x) - sp.Rational(1, 5))
+        )
+    else:
+        outside = 1 if way == "wall" else None
+        before, after = family.neighbour(x, -1, outside), family.neighbour(x, 1)
+        push = sp.Max(0, before - x - sp.Rational(1, 5)) - sp.Max(0, x - after - sp.Rational(1, 5))
+    start = {x: np.sin(3 * np.arange(n)), v: np.cos(np.arange(n) ** 2)}
+    runs = []
+    for least in (1, 10**9):
+        with template_from(least):
+            system = System({x: v, v: 4 * push - x})
+        assert (system.model.families is None) == (least > 1)
+        runs.append(solve(system, (0, 6), start, t_eval=[0, 6], local=local and least == 1, **TIGHT))
+    run, written = runs
+    assert len(run.events) == len(written.events) > 20
+    np.testing.assert_allclose(np.sort(run.events.times), np.sort(written.events.times), rtol=0, atol=1e-10)
+    np.testing.assert_allclose(run.x, written.x, rtol=0, atol=1e-11)
+
+
+def test_gaps_of_the_elements_themselves_are_told_by_each_of_them():
+    n = 12
+    family = Family(n)
+    x, v = family.symbols("x v")
+    (g,) = family.symbols("g", positive=True)
+    push = sp.Max(0, family.neighbour(x, -1) - x - g) - sp.Max(0, x - family.neighbour(x, 1) - g)
+    start = {x: np.sin(3 * np.arange(n)), v: 0}
+    runs = []
+    for least in (1, 10**9):
+        with template_from(least):
+            system = System({x: v, v: 4 * push - x}, parameters={g: [0.1 + 0.02 * i for i in range(n)]})
+        runs.append(solve(system, (0, 6), start, t_eval=[0, 6], **TIGHT))
+    assert len(runs[0].events) == len(runs[1].events) > 20
 
 
 def test_bonds_break_from_where_they_are_pulled():

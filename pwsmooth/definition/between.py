@@ -146,6 +146,33 @@ class Neighbours:
         offsets = sorted({p.offset for p in places})
         return [set(part) for part in chain(*(combinations(offsets, k + 1) for k in range(len(offsets))))]
 
+    def mirrors(self, surfaces):
+        """(number, place, ((number, place), ...)) of surfaces that neighbours may have too, and which of theirs.
+
+        With the element and its neighbour in each other's place it is one of these surfaces, up to its sign.
+        """
+        generic, swapped = {}, {}
+        for b, h in enumerate(surfaces):
+            beside = self.of(h)
+            places = {self.places[s].offset for s in beside}
+            if len(places) != 1:
+                continue
+            own = {self.places[s].base: sp.Symbol(f"own {self.places[s].base}", real=True) for s in beside}
+            other = {s: sp.Symbol(f"other {self.places[s].base}", real=True) for s in beside}
+            if h.free_symbols & self.places.keys() - own.keys() - other.keys():
+                continue  # something that the neighbour has of its own
+            key = b, places.pop()
+            generic[key] = sp.expand(h.xreplace(own | other))
+            over = {new: sp.Symbol(new.name.replace("other", "own"), real=True) for new in other.values()}
+            back = {new: sp.Symbol(new.name.replace("own", "other"), real=True) for new in own.values()}
+            swapped[key] = sp.expand(generic[key].xreplace(over | back))
+        found = []
+        for (b, offset), h in swapped.items():
+            same = tuple(key for key, other in generic.items() if h in (other, sp.expand(-other)))
+            if same:
+                found.append((b, offset, same))
+        return tuple(found)
+
     # ---- contacts
 
     def contact(self, R, gap, restitution, order):

@@ -285,6 +285,7 @@ def _template(plain, one):
     field = replace(field, switches=tuple((renamed.get(lam, lam), h) for lam, h in field.switches))
     watch = watched(field, neighbours)
     beside.take(field)
+    mirrors = beside.mirrors([h for _, h in field.switches])
     field = replace(
         field,
         switches=tuple((lam, beside.never_zero(h)) for lam, h in field.switches),
@@ -323,6 +324,7 @@ def _template(plain, one):
         tuple(event_families),
         tuple(family(e) for _, e in field.outputs),
         levels,
+        mirrors,
     )
 
 

@@ -70,6 +70,8 @@ class Template:
     event_families: tuple[int | None, ...]
     output_families: tuple[int | None, ...]
     levels: tuple[Level, ...] = ()
+    # Switches whose surfaces may be those of a neighbour as well: block, its place, and (block, place) of those there.
+    mirrors: tuple[tuple[int, int, tuple[tuple[int, int], ...]], ...] = ()
 
     @cached_property
     def linked(self) -> tuple[int, ...]:
@@ -199,6 +201,29 @@ class Families:
         if self.template.periodic[family]:
             return at % n
         return np.where((at >= 0) & (at < n), at, elements)
+
+    @cached_property
+    def told_beside(self) -> np.ndarray | None:
+        """Of all multipliers, whether their surface is that of a neighbour before, who tells what happens there."""
+        if not self.template.mirrors:
+            return None
+        starts, families = self.starts("multipliers"), self.template.families("multipliers")
+        told = np.zeros(starts[-1], bool)
+        for b, offset, same in self.template.mirrors:
+            family = families[b]
+            assert family is not None
+            own = np.arange(self.sizes[family])
+            beside = self.neighbours(family, own, offset)
+            there = [self.neighbours(family, beside, other) == own for _, other in same]
+            told[starts[b] + own] |= (beside < own) & np.logical_or.reduce(there)
+        return told
+
+    def told_once(self, numbers: np.ndarray) -> np.ndarray:
+        """Whether records of these multipliers and events are kept: what happens between two elements is one event."""
+        if self.told_beside is None:
+            return np.ones(len(numbers), bool)
+        among = numbers < len(self.told_beside)
+        return ~(among & self.told_beside[np.where(among, numbers, 0)])
 
     def expression(self, e: sp.Basic, k: int | None) -> sp.Basic:
         """An expression of the template for element k, sums written out."""

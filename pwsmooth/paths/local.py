@@ -474,6 +474,11 @@ class _Run:
         if not count:
             return
         self._name_folds(A.event[:count])
+        once = np.flatnonzero(self.model.families.told_once(A.event[:count, 0]))
+        if len(once) < count:
+            for kept in (A.event, A.event_t, A.event_x):
+                kept[: len(once)] = kept[once]
+            count = len(once)
         first, own = A.kind.s_first, A.kind.s_own
         surface = np.searchsorted(first, A.event[:count, 0], side="right") - 1
         self.log.append({
@@ -537,7 +542,8 @@ class _Run:
         }
         tolerances = {"rtol": self.options.rtol, "atol": float(self.atol.max(initial=0.0)), "order": self.order}
         words = functools.partial(ambiguities_in_words, self.model)
-        unsure = AmbiguityLog(A.ambiguity_t[:ambiguities].copy(), A.ambiguity[:ambiguities].copy(), words)
+        once = self.model.families.told_once(A.ambiguity[:ambiguities, 0])
+        unsure = AmbiguityLog(A.ambiguity_t[:ambiguities][once], A.ambiguity[:ambiguities][once], words)
         columns = self.log.columns()
         log = StoredLog(columns, A.kind.s_first.copy(), event_words(self.model))
         solution = Solution(
