@@ -410,7 +410,8 @@ def _multipliers(field, sums, places, beside):
     levels: list[Level] = []
     for index, ((lam, h), residual) in enumerate(zip(field.switches, residuals, strict=True)):
         if beside.of(h):
-            result.append(_between(extended(h), index, unknowns))
+            ends = {s: sp.S.Zero for s, p in places.items() if p.base is None and p.offset}
+            result.append(_between(extended(h), index, unknowns, ends))
             continue
         regularity, hidden = lowering.classify(lone, index, sampled(residual))
         if hidden and regularity == "sliding":
@@ -439,12 +440,16 @@ def _multipliers(field, sums, places, beside):
     return tuple(result), tuple((s, f, e) for s, (f, e) in more.items()), field, tuple(levels)
 
 
-def _between(field, index, unknowns):
-    """The Multiplier of a switch whose surface reads neighbours: a kink or a crossing, which nothing holds."""
+def _between(field, index, unknowns, ends):
+    """The Multiplier of a switch whose surface reads neighbours: a kink or a crossing, which nothing holds.
+
+    It is what it is where there is a neighbour: at the `ends` there is nothing to switch.
+    """
     lam, h = field.switches[index]
+    field = field.map(lambda e: e.xreplace(ends))
     if h.free_symbols & unknowns or sum(s in h.free_symbols for s in field.states) < 2:
         raise NoTemplate("a surface between neighbours that is no matter of two motions")
-    residual = total_derivative(h, field.time, field.states, field.rates)
+    residual = total_derivative(field.switches[index][1], field.time, field.states, field.rates)
     regularity, _ = lowering.classify(field, index, residual)
     if regularity == "sliding" or (
         regularity == "crossing" and second_derivative(field, index, residual) is not None
