@@ -28,7 +28,7 @@ from .checkpoint import Saved
 from .event_driven import order_for
 from .locality import MANY, few_elements, few_of, walls
 from .problem import FEW, longest_step, terms
-from .words import ambiguities_in_words, event_words
+from .words import ambiguities_in_words, chosen_events, event_words
 
 _SHARE = 0.1  # of the tolerances, by which the rim of a patch may change
 _FIRST_ROOM = 256  # members and places of a patch
@@ -413,10 +413,15 @@ class _Run:
         self._assembly(t0, t1, np.array(start, float), np.asarray(asked, float), kept)
         self._bundles(_FIRST_ROOM)
         text = self.template.model
-        self.names = [str(s) for s in text.states]
+        self.names = [str(s).replace("[]", "") for s in text.states]
+        wanted = (record.statistics if record else None) or {}
+        self.statistics = {}
+        for name, what in wanted.items():
+            looked_at = chosen_events(what, name, self._surfaces(), self.names)
+            self.statistics[name] = what.begin(self.n, t0, looked_at)
         saved = Saved(self, ends, start) if record and record.checkpoint else None
         rows = saved.load() if saved else 0
-        self.log = Writer(record and record.events, [n.replace("[]", "") for n in self.names], rows)
+        self.log = Writer(record and record.events, self.names, rows)
         try:
             code = self._advance(spending, saved)
         finally:
@@ -481,12 +486,15 @@ class _Run:
             count = len(once)
         first, own = A.kind.s_first, A.kind.s_own
         surface = np.searchsorted(first, A.event[:count, 0], side="right") - 1
-        self.log.append({
+        columns = {
             "t": A.event_t[:count], "surface": surface.astype(np.int32),
             "element": np.where(own[surface] != 0, A.event[:count, 0] - first[surface] + 1, 0).astype(np.int32),
             **{name: A.event[:count, c].astype(np.int8) for c, name in enumerate(("kind", "came", "went"), 1)},
             **{f"state {name}": A.event_x[:count, b] for b, name in enumerate(self.log.states)},
-        })  # fmt: skip
+        }  # fmt: skip
+        for statistic in self.statistics.values():
+            statistic.take(columns)
+        self.log.append(columns, self.record is None or self.record.keep_events)
         A.events = 0
 
     def _enlarge(self) -> None:
@@ -550,11 +558,17 @@ class _Run:
             self.system, times, x, self._multipliers(mult, status), status, log, None, outcome, cost,
             tolerances, unsure, self.system.parameters, None,
         )  # fmt: skip
-        text = self.template.model
-        surfaces = [mu.symbol.name.replace("[]", "") for mu in text.multipliers]
-        surfaces += [str(e.name).replace(" []", "") for e in text.events]
-        solution.recorded, solution.catalogue = recorded, Catalogue(columns, surfaces, self.log.states, A.near)
+        catalogue = Catalogue(columns, self._surfaces(), self.log.states, A.near)
+        solution.recorded, solution.catalogue, solution.statistics = recorded, catalogue, self.statistics
+        for statistic in self.statistics.values():
+            statistic.end(A.t)
         return solution
+
+    def _surfaces(self) -> list[str]:
+        """Names of the switches, contacts and events."""
+        text = self.template.model
+        names_of = [mu.symbol.name.replace("[]", "") for mu in text.multipliers]
+        return names_of + [str(e.name).replace(" []", "") for e in text.events]
 
     def _rows(self, part: np.ndarray, own: list[bool]) -> np.ndarray:
         """Of times, elements and blocks: a row a number, one alone of what belongs to all elements."""
