@@ -45,7 +45,7 @@ class Histogram:
     >>> chain = granular_chain(n=60, restitution=0.9, gap=0.05, t_span=(0, 60))
     >>> run = chain.solve(record=Recorder(statistics={"waits": waits}, keep_events=False))
     >>> run.statistics["waits"].counts.tolist(), len(run.events)
-    ([84, 471, 34], 0)
+    ([0, 551, 38], 0)
     """
 
     of: str
@@ -62,7 +62,7 @@ class Histogram:
             raise ValueError(f"`edges` is {checks.shown(self.edges)}; give two or more numbers, ascending.")
         object.__setattr__(self, "edges", tuple(edges.tolist()))
 
-    def begin(self, elements: int, start: float, chosen: Any) -> Counting:
+    def _begin(self, elements: int, start: float, chosen: Any) -> Counting:
         """What counts in one run of so many elements; `chosen` tells which of a block's events are looked at."""
         return Counting(self, elements, chosen)
 
@@ -106,7 +106,7 @@ class Activity:
             kind=checks.optional(checks.name),
         )  # fmt: skip
 
-    def begin(self, elements: int, start: float, chosen: Any) -> Series:
+    def _begin(self, elements: int, start: float, chosen: Any) -> Series:
         """What adds up in one run from a time on; `chosen` tells which of a block's events are looked at."""
         return Series(self, start, chosen)
 

@@ -418,7 +418,7 @@ class _Run:
         self.statistics = {}
         for name, what in wanted.items():
             looked_at = chosen_events(what, name, self._surfaces(), self.names)
-            self.statistics[name] = what.begin(self.n, t0, looked_at)
+            self.statistics[name] = what._begin(self.n, t0, looked_at)
         saved = Saved(self, ends, start) if record and record.checkpoint else None
         rows = saved.load() if saved else 0
         self.log = Writer(record and record.events, self.names, rows)
