@@ -156,9 +156,7 @@ def compiled(_, seed):
 
 def play(played, seed):
     """The verdict on one case."""
-    # A bounce that stays within the rounding of its gap is over at any instant at which its contact is looked at, and
-    # the run of all looks at every one, whatever happens elsewhere: in a pile the last bounces of many come together.
-    return assemblies.judged(played, case(played.model, seed), cascades=played.model.kind == "pile")
+    return assemblies.judged(played, case(played.model, seed))
 
 
 def script(number, seed):
