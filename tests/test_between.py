@@ -13,6 +13,7 @@ from pwsmooth import Event, Family, Outcome, System, Unilateral, solve
 from pwsmooth.codegen.families.fields import FamilyFields
 from pwsmooth.codegen.families.writing import write_family_jets
 from pwsmooth.paths import local as path
+from pwsmooth.paths.problem import compiled_problem
 from tests.fuzz.assemblies import compared
 
 TIGHT = {"rtol": 1e-13, "atol": 1e-15}
@@ -104,6 +105,27 @@ def test_a_pile_comes_to_rest_with_the_weight_of_what_is_above(local):
     by_name = dict(zip(run.multipliers, run.mult[:, -1], strict=True))
     assert by_name["L_1"] == pytest.approx(above[0], rel=1e-11)
     assert [by_name[f"R_{i}"] for i in range(1, n)] == pytest.approx(above[1:], rel=1e-11)
+
+
+def test_a_pile_is_that_of_its_elements_written_out():
+    """Bounce by bounce, at both ends of the chain too, where an element has no neighbour."""
+    start = {"x": [1.1 * i + 0.03 * (5 * i % 7) for i in range(8)], "v": [0.4 * (-1) ** i for i in range(8)]}
+    runs = [
+        solve(pile(8, least=least), (0, 2), start, t_eval=[0, 0.3, 2], local=local, **TIGHT)
+        for least, local in ((1, False), (10**9, False), (1, True))
+    ]
+    whole, written, run = runs
+    assert len(whole.events) == len(written.events) > 40
+    for other in (written, run):
+        assert other.success
+        np.testing.assert_allclose(other.x, whole.x, rtol=0, atol=1e-11)
+
+
+def test_every_contact_has_one_place_on_the_diagonal():
+    """Where there is no neighbour its entry stands where the element's own does, and is 0."""
+    fixed = compiled_problem(pile(9).model).fixed
+    of = np.searchsorted(fixed["g_row"], fixed["g_diagonal"], side="right") - 1
+    assert of.tolist() == fixed["g_col"][fixed["g_diagonal"]].tolist() == list(range(fixed["m"]))
 
 
 def test_a_pile_that_starts_at_rest_stays_so():

@@ -331,7 +331,7 @@ def _both_ways(row, col):
 
 
 def _diagonal(row, col):
-    """Where the diagonal entries of a sparse matrix stand: first, if those of neighbours that there are not do so too."""
+    """Where the diagonal entries of a sparse matrix stand; those of neighbours that are none come after them."""
     rows = np.repeat(np.arange(len(row) - 1), np.diff(row))
     here = np.flatnonzero(rows == col)
     return here[np.unique(rows[here], return_index=True)[1]]
