@@ -32,10 +32,12 @@ from .members import (
     is_wall,
     number_of,
     open_rim,
+    put_in_order,
     reach,
     take_in,
     take_in_cluster,
     take_in_failing,
+    take_in_held,
     take_in_rim_that_ends,
     take_in_targets,
     take_in_touching,
@@ -195,6 +197,9 @@ def _renew(A, P, C, S, R, W, t, stop, why):
     settled, checked = why != EVENT or T.kept != 0, why == END_OF_SLAB
     first = T.kept == 0
     while True:
+        if why == EVENT and len(A.kind.between) > 0:
+            take_in_held(A)
+            put_in_order(A)
         if not close_rim(A) or not _has_room(A, P, S, R):
             return Outcome.OUT_OF_MEMORY
         # A first pass, up to the end of the span, tells how long steps are; it is done once more.

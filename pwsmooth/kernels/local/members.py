@@ -89,7 +89,25 @@ def open_rim(A):
 
 
 @kernel
-def _take_in_held(A):
+def put_in_order(A):
+    """Sorts the members by their numbers (Shell's way): of what touches, one after the other means something."""
+    member, slot, count, step = A.patch.member, A.patch.slot, A.patch.count, 1
+    while 3 * step < count:
+        step = 3 * step + 1
+    while step > 0:
+        for k in range(step, count):
+            new, j = member[k], k
+            while j >= step and member[j - step] > new:
+                member[j] = member[j - step]
+                j -= step
+            member[j] = new
+        step //= 3
+    for k in range(count):
+        slot[member[k]] = k
+
+
+@kernel
+def take_in_held(A):
     """Takes in what touches the members and what touches that: forces go through it at once."""
     T, E = A.patch, A.kind
     k = 0
@@ -108,7 +126,7 @@ def _take_in_held(A):
 @kernel
 def close_rim(A):
     """Finds what the members read of others; False where there is no room for so many."""
-    _take_in_held(A)
+    take_in_held(A)
     T, nr = A.patch, A.kind.nr
     T.total = T.count
     for k in range(T.count):

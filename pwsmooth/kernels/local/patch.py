@@ -69,25 +69,6 @@ def _fill_flat(A, rows, blocks, own, fixed):
 
 
 @kernel
-def _in_order(A, to, first, M):
-    """Overwrites to[first:first + M] by the numbers of the members, ascending by element (Shell's sort)."""
-    member = A.patch.member
-    for k in range(M):
-        to[first + k] = k
-    step = 1
-    while 3 * step < M:
-        step = 3 * step + 1
-    while step > 0:
-        for k in range(step, M):
-            new, j = to[first + k], k
-            while j >= step and member[to[first + j - step]] > member[new]:
-                to[first + j] = to[first + j - step]
-                j -= step
-            to[first + j] = new
-        step //= 3
-
-
-@kernel
 def shape(A, P, C, W):
     """Overwrites what of the small system's arrays depends on the numbers of members and places."""
     T, E = A.patch, A.kind
@@ -152,11 +133,9 @@ def shape(A, P, C, W):
             P.rows_slip[i] = _row(A, E.surface_slip[b], E.own_slip[b], E.of_slip[b], k, M, places)
             P.rows_general[i] = _row(A, E.surface_general[b], E.own_general[b], E.of_general[b], k, M, places)
     P.dh_row[P.m + P.ne] = at_dh
-    # Contacts in the order of the elements: "one after the other, from either end" means something.
     for b in range(len(E.contact)):
-        _in_order(A, P.contact, b * M, M)
         for k in range(M):
-            P.contact[b * M + k] = number_of(E, E.contact[b], M, P.contact[b * M + k])
+            P.contact[b * M + k] = number_of(E, E.contact[b], M, k)
     for b in range(ne):
         for k in range(M):
             i = number_of(E, nm + b, M, k) - P.m
