@@ -406,7 +406,8 @@ class Member(sp.Symbol):
     def _hashable_content(self):
         family = (self.family.name, self.family.n, self.family.periodic)
         outside = sp.S.NaN if self.outside is None else self.outside
-        links = self.links and self.links._content
+        # sympy compares what is equal but not the same entry by entry, and None with nothing.
+        links = self.links._content if self.links else ""
         return (*super()._hashable_content(), *family, self.offset, outside, links)
 
     def sort_key(self, order=None):

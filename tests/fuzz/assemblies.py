@@ -19,7 +19,7 @@ from pwsmooth import Event, Family, Switch, System, solve
 from pwsmooth.definition import one_element
 
 from . import judging
-from .judging import ILL, REFUSED, RIGHT, WRONG, Played, Verdict
+from .judging import ILL, RECORDED, REFUSED, RIGHT, WRONG, Played, Verdict
 
 TITLE = "assemblies"
 KINDS = ("sliding", "hidden", "relay", "kink", "memory", "fire", "bounce", "driven", "weakening", "first order",
@@ -206,6 +206,9 @@ def judged(played, one, cascades=False):
     if found is None:
         return Verdict(RIGHT)
     reason, error = found
+    if cascades and whole.ambiguities:
+        # How bounces of several end together is a matter of their order, and both runs say so.
+        return Verdict(RECORDED, whole.ambiguities[0].kind, error)
     moved = max(_spread(played, one, whole, k) for k in range(3))
     if reason == "states" and error <= 10 * moved:
         return Verdict(ILL, "", error)
