@@ -22,6 +22,8 @@ _HOME = {
     "Algebraic": "definition.primitives",
     "Family": "definition.family",
     "Recorder": "definition.recording",
+    "Histogram": "definition.event_statistics",
+    "Activity": "definition.event_statistics",
     "Drive": "definition.drives",
     "Control": "definition.controls",
     "Kicks": "noise.kicks",

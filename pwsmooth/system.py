@@ -28,7 +28,7 @@ import sympy as sp
 from .definition import checks, discs, one_element
 from .definition.describe import DescribedSystem
 from .definition.drives import drive
-from .definition.family import spread
+from .definition.expansion import spread
 from .definition.functions import check_start, read_functions
 from .definition.lifting import plain
 from .definition.lowering import lower
@@ -465,6 +465,8 @@ class System(DescribedSystem):
         other.parameters = dict(self.parameters)
         by_name = {p.name: p for p in self.parameters}
         for key, number in self._spread(values, "`parameters`").items():
+            if key not in by_name and self._is_idle(key, by_name):
+                continue
             p = by_name.get(key) or checks.lookup(key, self.parameters, "`parameters`", "parameter")
             other.parameters[p] = checks.parameter_value(p, number)
         other._check_values()
@@ -629,6 +631,10 @@ class System(DescribedSystem):
         ), ends
 
     # ---- making views
+
+    def _is_idle(self, name, used):
+        """Whether this is a parameter of an element in which it has no place, as that of a link it lacks."""
+        return any(name in names and any(other in used for other in names) for names in self.groups.values())
 
     def _spread(self, values, what):
         """`values` with the entries of families written out."""

@@ -4,7 +4,7 @@ import contextlib
 
 import sympy as sp
 
-from pwsmooth import Algebraic, Event, Family, Switch, System
+from pwsmooth import Algebraic, Event, Family, Switch, System, Unilateral
 from pwsmooth.definition import one_element
 
 t, x, v, s = sp.symbols("t x v s", real=True)
@@ -193,5 +193,32 @@ def belt(n):
     return {"rates": rates, "parameters": {F: [0.3 / n + 0.01 * i for i in range(n)]}}, start, (0, 6)
 
 
+def floors(n):
+    """Balls that bounce and come to rest, each on a floor of its own, joined by springs."""
+    balls = Family(n)
+    y, w = balls.symbols("y w")
+    (e,) = balls.symbols("e", positive=True)
+    floor = Unilateral(y, restitution=e, name="R")
+    pull = 2 * (balls.neighbour(y, 1) - 2 * y + balls.neighbour(y, -1))
+    rates = {y: w, w: floor.reaction - 1 + sp.sin(3 * t) / 2 + pull}
+    start = {y: [0.1 + 0.07 * (5 * i % 7) for i in range(n)], w: 0.2}
+    return (
+        {"rates": rates, "parameters": {e: [0.3 + 0.3 * i / n for i in range(n)]}, "contacts": [floor]},
+        start,
+        (0, 3),
+    )
+
+
+def hits(n):
+    """Equal balls on a ring that swap what they have where they meet."""
+    balls = Family(n, periodic=True)
+    y, w = balls.symbols("y w")
+    beside = balls.neighbour(w, 1)
+    hit = Event(balls.neighbour(y, 1) - y + 1, direction=-1, update={w: beside, beside: w}, name="hit")
+    start = {y: [0.03 * (4 * i % 5) for i in range(n)], w: [0.5 * (5 * i % 7) - 1.5 for i in range(n)]}
+    return {"rates": {y: w, w: -y / 10}, "events": [hit]}, start, (0, 2)
+
+
+MODELS |= {"floors": floors, "hits": hits}
 SLIDING = {"friction_chain": friction_chain, "implicit": implicit, "belt": belt}
 MODELS |= SLIDING

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from pwsmooth import Recorder
 from pwsmooth.laws.friction import Coulomb, MaxwellSlip, StaticKinetic, VelocityWeakening
-from pwsmooth.scenes import block_lattice, block_train, element_cloud, firing_lattice, t
+from pwsmooth.scenes import block_lattice, block_train, element_cloud, firing_lattice, granular_chain, t
 
 TIGHT = {"rtol": 1e-12, "atol": 1e-14}
 V = 0.1
@@ -138,3 +138,25 @@ def test_a_cloud_of_sliders_keeps_masings_rules():
     np.testing.assert_allclose(run.catalogue.t[turns], np.pi * np.array([0.5, 1.5, 2.5]), rtol=1e-12)
     with pytest.raises(ValueError, match="`prescribed_motion` takes it"):
         element_cloud(Coulomb(), position=sp.sin(t))
+
+
+def test_a_blow_passes_from_ball_to_ball_as_newtons_law_has_it():
+    n, e, taper, gap = 60, 0.85, 0.8, 0.05
+    scene = granular_chain(n=n, restitution=e, taper=taper, gap=gap)
+    run = scene.solve((0, 4), record=Recorder(), **TIGHT)
+    log = run.catalogue
+    speeds = ((1 + e) / (1 + taper)) ** np.arange(n)
+    first = [log.t[log.element == k].min() for k in range(1, n)]
+    np.testing.assert_allclose(first, np.cumsum(gap / speeds[:-1]), rtol=0, atol=1e-11)
+    assert run[f"v_{n}"][-1] == pytest.approx(speeds[-1], rel=1e-12)
+    assert run["momentum"][-1] == pytest.approx(1.0, abs=1e-12) and run["energy"][-1] < 0.5
+
+
+def test_a_cradle_of_springs_or_of_rigid_balls_hands_its_speed_on():
+    for stiffness in (None, 2000.0):
+        run = granular_chain(n=12, stiffness=stiffness, speed=0.7).solve((0, 3), t_eval=[0, 3], **TIGHT)
+        assert run.x[12:, -1] == pytest.approx([0.0] * 11 + [0.7], abs=1e-11)
+    with pytest.raises(ValueError, match="leave it or `stiffness` out"):
+        granular_chain(stiffness=1.0, restitution=0.5)
+    with pytest.raises(ValueError, match="give 0 to 1"):
+        granular_chain(restitution=1.5)

@@ -128,6 +128,16 @@ def test_the_index_of_an_element_is_a_number():
     assert System({f: -elements.index * f}).model.rhs[2] == -3 * sp.Symbol("f_3", real=True)
 
 
+def test_equal_members_that_were_made_twice_compare_as_equal():
+    """sympy does so when it sorts what stands in a sum."""
+    chain = Family(4)
+    (x,) = chain.symbols("x")
+    floor = Unilateral(x, restitution=0.5, name="R")
+    for member in (x, chain.memory("m"), floor.reaction):
+        first, second = (chain.neighbour(member, -1) for _ in range(2))
+        assert first is not second and first == second and first.compare(second) == 0
+
+
 def test_members_survive_pickling_and_keep_their_offset():
     blocks = Family(4)
     (y,) = blocks.symbols("y")

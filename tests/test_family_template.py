@@ -263,12 +263,12 @@ def test_events_of_elements_have_instants_of_their_own():
 def test_what_has_no_looped_form_is_written_out():
     blocks = Family(9)
     y, w = blocks.symbols("y w")
-    ball = Unilateral(y, restitution=0.5, name="R")
-    near = Event(blocks.neighbour(y, 1, outside=2) - y, update={w: 0}, name="meet")
+    table = blocks.links([[k % 9 + 1] for k in range(1, 10)])
+    balls = Unilateral(table.neighbour(y, 1) - y, restitution=0.5, name="R")
     for arguments in (
-        {"rates": {y: w, w: ball.reaction - 1}, "contacts": [ball]},
-        {"rates": {y: w, w: -y}, "events": [near]},
-        {"rates": {y: w, w: -sp.Max(0, y - blocks.neighbour(y, 1))}},
+        {"rates": {y: w, w: -balls.reaction}, "contacts": [balls]},
+        {"rates": {y: w, w: -sp.sign(w - blocks.neighbour(w, 1)) - sp.sign(w - blocks.neighbour(w, -1))}},
+        {"rates": {y: w, w: -sp.sign(y)}},
     ):
         model = System(**arguments).model
         assert model.families is None and len(model.states) == 18

@@ -162,7 +162,9 @@ class Compiled:
             families, columns = (
                 (lay.multipliers, lay.multipliers) if name == "G" else (lay.surfaces, lay.states)
             )
-            return sparse_pattern(constants[f"{name}_ROWS"], families, columns, self._sizes)
+            return sparse_pattern(
+                constants[f"{name}_ROWS"], families, columns, self._sizes, self._families.neighbours
+            )
         return tuple(np.array(constants[f"{name}_{part}"], np.int64) for part in ("ROW", "COL"))
 
     @cached_property

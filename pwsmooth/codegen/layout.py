@@ -87,7 +87,11 @@ class Layout:
         if family is None:
             return f"{array}[{start}]"
         index = neighbour(family, offset) if offset else f"i{family}"
-        return f"{array}[{start + ' + ' if start != '0' else ''}{index}]"
+        found = f"{array}[{start + ' + ' if start != '0' else ''}{index}]"
+        # Of what a patch reads of others the contacts are open.
+        return (
+            f"choose({index} < m{family}, {found}, 0.0)" if offset and self.patch and array == "mult" else found
+        )
 
     def text(self, array: str, count: Count) -> str:
         """A place in an array, in generated code."""
@@ -129,14 +133,18 @@ class Layout:
             f"    {name} = {wrapped if self.periodic[family] else own}",
         ]
 
-    def is_inside(self, family: int, offset: int) -> str:
-        """Whether the element has that neighbour."""
+    def is_inside(self, family: int, offset: int, computed: bool = False) -> str:
+        """Whether the element has that neighbour, and it is `computed` in this patch."""
+        if self.patch and computed:
+            return f"{self.is_inside(family, offset)} and {neighbour(family, offset)} < m{family}"
         if self.patch:
             offsets = self.offsets[family]
             near = f"near{family}[{len(offsets)} * i{family} + {offsets.index(offset)}]"
             return f"int({near}) != i{family}"
         if offset >= LINKED:
             return f"{neighbour(family, offset)} != i{family}"
+        if self.periodic[family]:
+            return f"m{family} > 0"
         return f"i{family} + {offset} < m{family}" if offset > 0 else f"i{family} >= {-offset}"
 
     def number(self, family: int) -> str:
@@ -149,21 +157,24 @@ def neighbour(family: int, offset: int) -> str:
     return f"j{family}{'p' if offset > 0 else 'm'}{abs(offset)}"
 
 
-def sparse_pattern(rows, families, columns, sizes) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns of a sparse matrix: `rows` lists the column blocks of every row block.
+def sparse_pattern(rows, families, columns, sizes, of) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of a sparse matrix: `rows` lists the (column block, offset) of every row block.
 
-    A row of an element holds that element's entry of every column block of its family.
+    A row of an element holds that element's entry of every column block of its family, or that of its neighbour: the
+    one `of` (family, elements, offset), its own where it has none.
     """
     first = [c.at(sizes) for c in starts(columns)]
     lengths, entries = [], []
     for blocks, family in zip(rows, families, strict=True):
         if family is None:
-            row = [np.arange(first[b], first[b + 1]) for b in blocks]
+            row = [np.arange(first[b], first[b + 1]) for b, _ in blocks]
             entries.append(np.concatenate(row) if row else np.zeros(0, np.int64))
             lengths.append([len(entries[-1])])
             continue
         i = np.arange(sizes[family])
-        row = [first[b] + (0 if columns[b] is None else i) + 0 * i for b in blocks]
+        row = [
+            first[b] + (0 if columns[b] is None else of(family, i, o) if o else i) + 0 * i for b, o in blocks
+        ]
         entries.append(np.stack(row, axis=1).ravel() if row else np.zeros(0, np.int64))
         lengths.append([len(blocks)] * len(i))
     ends = np.cumsum([0, *(n for part in lengths for n in part)])

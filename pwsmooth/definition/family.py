@@ -4,24 +4,20 @@
 
 An element is written once, with member symbols. From a few elements on the System lowers that one element and the
 generated code loops over all (one_element.py); below, and for what has no template, the n elements are written out.
-Chain: primitives.py -> family (here) -> system.py.
+Chain: primitives.py -> family (here) -> expansion.py -> system.py.
 """
 
 from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import singledispatchmethod
 
 import numpy as np
 import sympy as sp
 
 from . import checks
-from .many import MANY, Names
-from .model import of_event
-from .primitives import Algebraic, Event, Memory, Reaction, Switch, Unilateral
+from .primitives import Memory, Reaction, Switch
 
 
 @dataclass(frozen=True)
@@ -45,7 +41,7 @@ class Family:
     Notes
     -----
     From 8 elements on one element is lowered and the generated code loops over all, so that n does not matter for the
-    time to set up. Contacts, surfaces between neighbours, elements that act on each other's multipliers, hidden terms
+    time to set up. Friction between neighbours, elements that act on each other's multipliers, hidden terms
     on surfaces that slide (but for static friction, of 100 elements and more) and switches that can slide to second
     order (relays on positions) have no template: their elements are written out, as are those of smoothed and layered
     views. In large families an event costs its neighbourhood alone: see `solve`.
@@ -175,30 +171,35 @@ class Family:
 
         Parameters
         ----------
-        member : Member
-            A symbol of this family.
+        member : Member, MemberMemory or Reaction
+            A symbol of this family, a memory, or the reaction of a contact of its elements.
         offset : int
             Places; negative ones are before.
         outside : Expr, optional
             What stands for it beyond an end of the chain; by default the member itself, which makes the ends
-            free (differences vanish there).
+            free (differences vanish there), and 0 for a reaction. A contact or an event whose surface then reads
+            nothing of the neighbour is none of that element.
 
         Returns
         -------
-        Member
-            To stand in the rates of the element.
+        Member or OfNeighbour
+            To stand in the rates of the element, in the surface of a contact, an event or a switch.
 
         Raises
         ------
         ValueError, TypeError
             `outside` in a periodic family; a symbol of another one.
         """
-        if not isinstance(member, Member) or member.family != self:
+        held = isinstance(member, (MemberMemory, Reaction)) and {m.family for m in members(member)} == {self}
+        if not held and (not isinstance(member, Member) or member.family != self):
             raise TypeError(f"`member` is {checks.shown(member)}; give a symbol of this family.")
         offset = checks.whole(offset, "`offset`", -self.n, self.n)
         if self.periodic and outside is not None:
             raise ValueError("`outside` has no meaning in a periodic family, which has no ends.")
-        outside = member if outside is None else checks.expression(outside, "`outside`")
+        free = sp.S.Zero if isinstance(member, Reaction) else member
+        outside = free if outside is None else checks.expression(outside, "`outside`")
+        if held:
+            return OfNeighbour(member, self, offset, outside)
         if member.links is not None:
             raise ValueError(f"`member` is {member}, a neighbour by a table; take the element's own symbol.")
         return Member(member.name, self, member.offset + offset, outside, **member._assumptions_orig)
@@ -405,7 +406,8 @@ class Member(sp.Symbol):
     def _hashable_content(self):
         family = (self.family.name, self.family.n, self.family.periodic)
         outside = sp.S.NaN if self.outside is None else self.outside
-        links = self.links and self.links._content
+        # sympy compares what is equal but not the same entry by entry, and None with nothing.
+        links = self.links._content if self.links else ""
         return (*super()._hashable_content(), *family, self.offset, outside, links)
 
     def sort_key(self, order=None):
@@ -453,6 +455,23 @@ class MemberMemory(Memory):
         return Memory(f"{self.name}_{k + 1}", self.initial)
 
 
+class OfNeighbour(sp.Symbol):
+    """A memory of a neighbour, or the reaction of a contact of its; made by `Family.neighbour`."""
+
+    __slots__ = ("family", "of", "offset", "outside")
+
+    def __new__(cls, of, family, offset, outside):
+        self = sp.Symbol.__xnew__(cls, f"{of.name}[{offset:+d}]", real=True)
+        self.of, self.family, self.offset, self.outside = of, family, offset, outside
+        return self
+
+    def __getnewargs_ex__(self):
+        return (self.of, self.family, self.offset, self.outside), {}
+
+    def _hashable_content(self):
+        return (*super()._hashable_content(), self.of, self.family.n, self.family.periodic, self.outside)
+
+
 class MemberSum(sp.Function):
     """A sum over all elements of the family of the members inside; made by `Family.sum`."""
 
@@ -463,7 +482,7 @@ def members(e):
     """Members outside of sums, also those inside of surfaces and gaps."""
     if isinstance(e, MemberSum):
         return set()
-    if isinstance(e, (Member, MemberMemory)):
+    if isinstance(e, (Member, MemberMemory, OfNeighbour)):
         return {e}
     if isinstance(e, Switch):
         return members(e.surface)
@@ -475,7 +494,7 @@ def members(e):
 def involved(e):
     """Do members stand in an expression, sums and surfaces included?"""
     for s in e.free_symbols:
-        if isinstance(s, (Member, MemberMemory)):
+        if isinstance(s, (Member, MemberMemory, OfNeighbour)):
             return True
         if any(involved(getattr(s, a)) for a in ("surface", "gap", "restitution") if hasattr(s, a)):
             return True
@@ -489,179 +508,3 @@ def family_of(*expressions):
         names = ", ".join(sorted(f.name for f in families))
         raise ValueError(f"members of several families ({names}) stand in one equation; sum over one of them.")
     return families.pop() if families else None
-
-
-class Expansion:
-    """Writes the elements of families out.
-
-    `groups` maps the name of a member, or of a switch or contact with members, to the names in all elements, `members`
-    a plain symbol to the name of the member and the number of the element.
-    """
-
-    def __init__(self):
-        self.groups: dict[str, Sequence[str]] = {}
-        self.sums: dict[sp.Symbol, tuple[Family, sp.Expr]] = {}  # of what is not written out (one_element.py)
-        self.members: dict[sp.Symbol, tuple[str, int]] = {}
-        self._memo: dict[tuple[sp.Basic, int | None], sp.Basic] = {}
-
-    def element(self, e, k):
-        """The expression (or condition) of element k; k is None outside of all families."""
-        if isinstance(e, MemberSum):
-            return self.total(e.args[0], family_of(e.args[0]))
-        if isinstance(e, (Member, MemberMemory)):
-            return self._member(e, k)
-        if isinstance(e, (Switch, Reaction)):
-            return self._primitive(e, k)
-        if not e.args:
-            return e
-        if (e, k) not in self._memo:
-            of_family = involved(e)
-            self._memo[e, k] = e.func(*(self.element(a, k) for a in e.args)) if of_family else e
-        return self._memo[e, k]
-
-    def total(self, e, family):
-        """The sum of an expression over a family."""
-        return sp.Add(*(self.element(e, j) for j in self.elements(family)))
-
-    def elements(self, family):
-        """The numbers k of the elements to be written out."""
-        return range(family.n)
-
-    def lacks(self, member, k):
-        """Whether element k does not have that neighbour."""
-        if k is None or not member.offset:
-            return False
-        if member.links is not None:
-            return int(member.links.table[k, member.offset - 1]) == k
-        return member.of_element(k) is None
-
-    def label(self, name, k, space="_"):
-        """Name of something in element k."""
-        return f"{name}{space}{k + 1}"
-
-    def parameters(self, values):
-        """Values of parameters by name, one entry an element."""
-        return spread(values, self.groups, "`parameters`")
-
-    def further(self):
-        """(symbols with a meaning of their own, those of them that move, expressions behind them)."""
-        return {}, set(), ()
-
-    def beside(self, symbol):
-        """(symbol of the element itself, offset) of a neighbour's; None for any other."""
-        return None
-
-    def _member(self, m, k):
-        if k is None:
-            raise ValueError(f"{m} is a member of a family of {m.family.n}; outside of its rates take a sum.")
-        symbol = m.of_element(k)
-        if symbol is None:
-            return self.element(m.outside, k)
-        if symbol.is_Symbol:
-            self.members[symbol] = (m.name, k)
-            self._group(m.name, m.family.n)
-        return symbol
-
-    def _primitive(self, s, k):
-        if not involved(s):
-            return s
-        if not members(s):  # only inside of sums
-            return self._rebuilt(s, s.name, None)
-        if k is None:
-            raise ValueError(f"{s} belongs to every element of a family; outside of its own rates take a sum.")
-        self._group(s.name, family_of(s).n)
-        return self._rebuilt(s, self.label(s.name, k), k)
-
-    def _rebuilt(self, s, name, k):
-        if isinstance(s, Switch):
-            return Switch(name, self.element(s.surface, k))
-        return Reaction(name, self.element(s.gap, k), self.element(s.restitution, k))
-
-    def _group(self, name, n):
-        if name not in self.groups:
-            self.groups[name] = Names(name, n) if n > MANY else tuple(f"{name}_{i + 1}" for i in range(n))
-
-    # ---- parts of a system
-
-    def rates(self, pairs):
-        result = []
-        for x, e in pairs:
-            elements = self.elements(family_of(x, e)) if isinstance(x, Member) else [None]
-            result += [(x if k is None else self._member(x, k), self.element(e, k)) for k in elements]
-        return result
-
-    def outputs(self, outputs):
-        result = {}
-        for name, e in outputs.items():
-            family = family_of(e)
-            if family is None:
-                result[name] = self.element(e, None)
-            else:
-                result |= {self.label(name, k): self.element(e, k) for k in self.elements(family)}
-        return result
-
-    @singledispatchmethod
-    def items(self, item):
-        """What an event, a contact or an algebraic unknown is in every element."""
-        return [item]
-
-    @items.register
-    def _(self, item: Event):
-        parts = [*of_event(item), *(key for key, _ in item.update if isinstance(key, sp.Basic))]
-        family = family_of(*parts)
-        if not any(map(involved, parts)):
-            return [item]
-        return [self._event(item, k) for k in (self.elements(family) if family else [None])]
-
-    def _event(self, item, k):
-        def part(e):
-            return self.element(e, k) if isinstance(e, sp.Basic) else e
-
-        name = item.name if k is None or item.name is None else self.label(item.name, k, " ")
-        written = {key: e for key, e in item.update if not (isinstance(key, Member) and self.lacks(key, k))}
-        return Event(
-            part(item.surface),
-            every=part(item.every),
-            at=tuple(map(part, item.at)) or None,
-            direction=item.direction,
-            update={part(key): part(value) for key, value in written.items()},
-            when=part(item.when),
-            terminal=item.terminal,
-            name=name,
-        )
-
-    @items.register
-    def _(self, item: Unilateral):
-        family = family_of(item.reaction)
-        if family is None:
-            return [item]
-        return [
-            Unilateral(self.element(item.gap, k), self.element(item.restitution, k), self.label(item.name, k))
-            for k in self.elements(family)
-        ]
-
-    @items.register
-    def _(self, item: Algebraic):
-        if not isinstance(item.unknown, Member):
-            return [Algebraic(item.unknown, self.element(item.residual, None))]
-        elements = self.elements(item.unknown.family)
-        return [Algebraic(self._member(item.unknown, k), self.element(item.residual, k)) for k in elements]
-
-
-def spread(values, groups, what):
-    """A mapping by name with the entries of members written out: a scalar for all, or one value each."""
-    result = {}
-    for key, value in values.items():
-        key = checks.named(key)
-        names = groups.get(key if isinstance(key, str) else getattr(key, "name", None))
-        if names is None:
-            result[key] = value
-            continue
-        single = isinstance(value, str) or not hasattr(value, "__len__")
-        if not single and len(value) != len(names):
-            raise ValueError(
-                f"{what} gives {len(value)} values to {key}, which has {len(names)} elements; give one for each, or "
-                "one number for all."
-            )
-        result |= dict(zip(names, [value] * len(names) if single else value, strict=True))
-    return result

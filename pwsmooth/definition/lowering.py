@@ -175,7 +175,7 @@ def multipliers(field):
     for disc in field.discs:
         result += _of_disc(field, disc)
     for R, gap, restitution in field.contacts:
-        residual, impact = _contact(field, R, gap, restitution)
+        residual, impact = contact(field, R, gap, restitution)
         result.append(Multiplier(R, "contact", residual, gap, impact=impact))
     result += [Multiplier(a, "algebraic", residual) for a, residual in field.algebraic]
     return tuple(result)
@@ -273,7 +273,7 @@ def _pattern(h, members, patterns):
     return h.xreplace(general | inner)
 
 
-def _contact(field, R, gap, restitution):
+def contact(field, R, gap, restitution):
     """(d2h/dt2, state after an impact) of a unilateral contact."""
     speed = total_derivative(gap, field.time, field.states, field.rates)
     if R in speed.free_symbols:

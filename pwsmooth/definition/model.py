@@ -181,15 +181,19 @@ class Multiplier:
     kind: str  # "switch" | "disc" | "component" | "contact" | "algebraic"
     residual: sp.Expr
     surface: sp.Expr | None = None  # h(t, x, mult; p); None for an algebraic unknown
-    regularity: str = (
-        "sliding"  # of a switch or disc: "kink" | "sliding" (relative degree 1) | "crossing" (higher)
-    )
+    regularity: str = "sliding"  # "kink" | "sliding" (relative degree 1) | "crossing" (higher)
     hidden: bool = False  # the residual is nonlinear in this multiplier
-    impact: tuple[sp.Expr, ...] | None = None  # contact: the whole state after an impact
+    # Contact: the whole state after an impact; of elements (index, or Beside, and new value) of what changes.
+    impact: tuple[Any, ...] | None = None
     second: sp.Expr | None = None  # d2h/dt2 of a switch that can slide to second order
     beside: sp.Expr | None = (
         None  # dh/dt, or d2h/dt2 while a kink in h is held from whose dh/dt lambda has gone
     )
+
+    @property
+    def may_be_solved(self) -> bool:
+        """Whether it is ever solved for: kinks and crossings are not."""
+        return self.kind != "switch" or self.regularity == "sliding"
 
     @property
     def condition(self) -> sp.Expr:

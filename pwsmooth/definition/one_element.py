@@ -3,7 +3,7 @@
 Symbols of elements become plain symbols with "[]" in their name and sums become symbols of their own, so that lifting
 and lowering see an ordinary system of one element. What has no template (see `Family`) raises `NoTemplate`, and the
 System writes the elements out, also of fewer than `TEMPLATE_FROM` elements: straight code is faster there.
-Chain: family.py -> one_element (here), reading.py, lowering.py -> template.py.
+Chain: expansion.py -> one_element (here), between.py, reading.py, lowering.py -> template.py.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ import sympy as sp
 
 from . import checks, lifting, lowering
 from . import reading as definition
-from .family import Expansion, Family, MemberMemory, MemberSum, involved, spread
+from .between import Neighbours, NoTemplate
+from .expansion import Expansion, spread
+from .family import Family, MemberMemory, MemberSum, involved
 from .many import Numbers, Symbols
 from .model import Held, Model, Multiplier, Select, Table
 from .primitives import Memory
@@ -29,10 +31,6 @@ TEMPLATE_FROM = 8
 LEVELS_FROM = 100  # of hidden static friction: what has a template then runs by neighbourhoods alone
 
 
-class NoTemplate(ValueError):
-    """This system has no template; its elements are written out."""
-
-
 class OneElement(Expansion):
     """Writes one element out, for all; `places` maps the plain symbols of the elements to their `Place`."""
 
@@ -41,6 +39,7 @@ class OneElement(Expansion):
         self.families: list[Family] = []
         self.columns: dict[int, dict[tuple, int]] = {}  # family -> (links, column of theirs) -> column
         self.places: dict[sp.Symbol, Place] = {}
+        self.held: set[sp.Symbol] = set()  # memories and reactions that neighbours read
 
     def column(self, links, k):
         """Number of a column of neighbours among all that the family has."""
@@ -67,7 +66,7 @@ class OneElement(Expansion):
         return [0]
 
     def lacks(self, member, k):
-        return False
+        return False  # told by the surface itself, where it matters (between.py)
 
     def beside(self, symbol):
         place = self.places.get(symbol)
@@ -84,6 +83,17 @@ class OneElement(Expansion):
         self.number(family)
         symbol = sp.Symbol(f"sum{len(self.sums) + 1}{MARK[0]}{family.name}{MARK[1]}", real=True)
         self.sums[symbol] = family, inner
+        return symbol
+
+    def _of_neighbour(self, s, k):
+        if k is None:
+            return super()._of_neighbour(s, k)
+        base, number = lifting.plain(self.element(s.of, 0)), self.number(s.family)
+        self.held.add(base)
+        outside = None if s.family.periodic else lifting.plain(self.element(s.outside, k))
+        mark = "" if outside in (None, base, 0) else f"|{outside}"
+        symbol = sp.Symbol(f"{base.name}[{s.offset:+d}{mark}]", real=True)
+        self.places[symbol] = Place(number, base, s.offset, outside)
         return symbol
 
     def _member(self, m, k):
@@ -136,7 +146,9 @@ class OneElement(Expansion):
         neighbours = {s for s, place in self.places.items() if place.base != s}
         meanings = {s: "a symbol of the elements" for s in (*neighbours, *self.sums)}
         behind = [e for _, e in self.sums.values()]
-        behind += [p.outside for p in self.places.values() if p.outside is not None]
+        behind += [
+            p.outside for p in self.places.values() if p.outside is not None and p.outside not in self.held
+        ]
         return meanings, {*neighbours, *self.sums}, behind
 
 
@@ -177,7 +189,7 @@ class Element:
         return {own: k for k in range(most) for s, own in self._of_element(k) if own is not s}
 
     def check_values(self, parameters):
-        """`Field.check_values` for the first element, and for every one that has a parameter 0."""
+        """`Field.check_values` for the first element, and for every one that has a parameter 0 or returns too much."""
         if isinstance(parameters, Numbers):
             symbols = parameters.symbols
             zero = [
@@ -186,11 +198,22 @@ class Element:
             ]
         else:
             zero = [self._element_of.get(p, 0) for p, number in parameters.items() if number == 0]
-        for k in sorted({0, *zero}):
+        for k in sorted({0, *zero, *self._restitutions(parameters)}):
             try:
                 self.definition.field.check_values({s: parameters[own] for s, own in self._of_element(k)})
             except ValueError as error:
                 raise ValueError(named(str(error), k)) from None
+
+    def _restitutions(self, parameters):
+        """The first element whose contact has none between 0 and 1."""
+        template = self.model.families.template
+        given = parameters.array if isinstance(parameters, Numbers) else np.array([*parameters.values()], float)
+        starts = self.model.families.starts("parameters")
+        values = [given[a:b] for a, b in zip(starts, starts[1:])]
+        for _, _, e in self.definition.field.contacts:
+            if e.free_symbols <= set(template.model.parameters) and e.free_symbols:
+                found = np.atleast_1d(sp.lambdify(template.model.parameters, e, "numpy")(*values))
+                yield from np.flatnonzero(~((found >= 0) & (found <= 1)))[:1].tolist()
 
 
 def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled):
@@ -236,9 +259,15 @@ def _template(plain, one):
     for s in list(places):
         if isinstance(s, Memory):
             places[lifting.plain(s)] = places.pop(s)
-    if field.contacts:
-        raise NoTemplate("contacts")
     neighbours = {s for s, p in places.items() if p.base != s and p.base is not None}
+    for R, gap, e in field.contacts:
+        if MARK not in R.name:
+            raise NoTemplate("a contact of the whole")
+        of = {places[s].family for s in gap.free_symbols | e.free_symbols if s in places}
+        if len(of) != 1:
+            raise NoTemplate("a contact of several families")
+        places[R] = Place(of.pop(), R)
+    beside = Neighbours(field, places, tuple(f.periodic for f in one.families))
 
     def family(*expressions):
         families = {places[s].family for e in expressions for s in e.free_symbols if s in places}
@@ -252,27 +281,35 @@ def _template(plain, one):
             # Switches found in ordinary notation are named after their surface or their number.
             renamed[lam] = lam if MARK in lam.name else sp.Symbol(lam.name + MARK, **lam._assumptions_orig)
             places[lam] = places[renamed[lam]] = Place(number, renamed[lam])
-        if h.free_symbols & neighbours:
-            raise NoTemplate("a surface between neighbours")
     field = field.map(lambda e: e.xreplace(renamed))
     field = replace(field, switches=tuple((renamed.get(lam, lam), h) for lam, h in field.switches))
     watch = watched(field, neighbours)
+    beside.take(field)
+    mirrors = beside.mirrors([h for _, h in field.switches])
+    field = replace(
+        field,
+        switches=tuple((lam, beside.never_zero(h)) for lam, h in field.switches),
+        events=tuple(
+            e if e.surface is None else replace(e, surface=beside.where_there_is_one(e.surface))
+            for e in field.events
+        ),
+    )
     event_families = []
     for event in (*field.events, *watch):
         parts = [e for e in (event.surface, event.when, *(e for _, e in event.update)) if e is not None]
         targets = [(*field.states, *field.memories)[i] for i, _ in event.update]
         event_families.append(family(*parts, *targets))
         timed = [e for e in (event.every, *event.at) if e is not None]
-        if family(*timed) not in (None, event_families[-1]) or (
-            event.surface is not None and event.surface.free_symbols & neighbours
-        ):
-            raise NoTemplate("an event between neighbours")
+        if family(*timed) not in (None, event_families[-1]):
+            raise NoTemplate("an event of two families")
+        if event in watch and event.surface.free_symbols & neighbours:
+            raise NoTemplate("a singular argument between neighbours")
     sums = tuple((s, one.number(f), e) for (s, e), (f, _) in zip(field.sums, one.sums.values(), strict=True))
     for x, rate in (*zip(field.states, field.rates, strict=True), *field.algebraic):
         if family(rate) not in (None, family(x)):
             raise NoTemplate("members outside of their rates")
-    multipliers, more, field, levels = _multipliers(field, sums, places)
-    model = lowering.lower(replace(field, switches=(), algebraic=()), watch=watch)
+    multipliers, more, field, levels = _multipliers(field, sums, places, beside)
+    model = lowering.lower(replace(field, switches=(), algebraic=(), contacts=()), watch=watch)
     used = set().union(*(e.free_symbols for e in field.expressions()))
     model = replace(
         model,
@@ -287,19 +324,37 @@ def _template(plain, one):
         tuple(event_families),
         tuple(family(e) for _, e in field.outputs),
         levels,
+        mirrors,
     )
 
 
-def _check_couplings(multipliers, sums, places):
-    """The residual of an element must not depend on the multipliers of others: they would all couple."""
-    solved = {m.symbol for m in multipliers if m.kind == "algebraic" or m.regularity == "sliding"}
-    own = solved & places.keys()
+def _check_couplings(multipliers, sums, places, field):
+    """The residual of an element must not depend on the multipliers of others: they would all couple.
+
+    But on the reactions of neighbours along a chain. Their factors have to stand, in the rates too: products with what
+    a patch reads of others are not made (codegen/families/memory.py).
+    """
+    constant = {
+        *field.parameters,
+        *(s for s, p in places.items() if p.base is None or p.base in field.parameters),
+    }
+    solved = {m.symbol for m in multipliers if m.may_be_solved}
+    reactions = {m.symbol for m in multipliers if m.kind == "contact"}
+    own, coupled = solved & places.keys(), False
     for m in multipliers:
         if m.symbol not in own:
             continue
         free = m.residual.free_symbols
-        if any(places[s].base in solved and places[s].base != s for s in free & places.keys()):
-            raise NoTemplate("elements that act on their neighbours' multipliers")
+        for s in free & places.keys():
+            if places[s].base not in solved or places[s].base == s:
+                continue
+            coupled = True
+            factors = [
+                e.diff(s) for e in (*field.rates, *(m.residual for m in multipliers)) if s in e.free_symbols
+            ]
+            moving = set().union(*(e.free_symbols for e in factors)) - constant
+            if places[s].base not in reactions or places[s].offset >= LINKED or moving:
+                raise NoTemplate("elements that act on their neighbours' multipliers")
         waiting, inside = list(free & sums.keys()), set()
         while waiting:
             symbols = sums[waiting.pop()].free_symbols
@@ -307,9 +362,11 @@ def _check_couplings(multipliers, sums, places):
             waiting += symbols & sums.keys()
         if inside & own:
             raise NoTemplate("elements that act on each other's multipliers")
+    if coupled and not solved <= own:
+        raise NoTemplate("contacts between elements beside multipliers of the whole")
 
 
-def _multipliers(field, sums, places):
+def _multipliers(field, sums, places, beside):
     """Switches and algebraic unknowns of the template, the sums' derivatives that their residuals need, and the field
     with hidden static friction as two levels."""
     inner = {s: e for s, _, e in sums}
@@ -336,6 +393,12 @@ def _multipliers(field, sums, places):
             })  # fmt: skip
         return e
 
+    def extended(h):
+        """The field with the neighbours that a surface reads among the states."""
+        others = sorted((s for s in beside.of(h) if places[s].base in beside.rate), key=str)
+        more = tuple(sampled(beside.rate_of(s, known=False)) for s in others)
+        return replace(lone, states=(*lone.states, *others), rates=(*lone.rates, *more)) if others else lone
+
     residuals = [h if unknowns & sampled(h).free_symbols else along(h) for _, h in field.switches]
     lone = replace(
         field,
@@ -346,6 +409,10 @@ def _multipliers(field, sums, places):
     result: list[Multiplier] = []
     levels: list[Level] = []
     for index, ((lam, h), residual) in enumerate(zip(field.switches, residuals, strict=True)):
+        if beside.of(h):
+            ends = {s: sp.S.Zero for s, p in places.items() if p.base is None and p.offset}
+            result.append(_between(extended(h), index, unknowns, ends))
+            continue
         regularity, hidden = lowering.classify(lone, index, sampled(residual))
         if hidden and regularity == "sliding":
             level = _level(field, index, residual)
@@ -356,9 +423,39 @@ def _multipliers(field, sums, places):
         if regularity == "crossing" and second_derivative(lone, index, sampled(residual)) is not None:
             raise NoTemplate("a switch that can slide to second order")
         result.append(Multiplier(lam, "switch", residual, h, regularity, hidden))
+    order = (*field.states, *field.memories)
+    for R, gap, e in field.contacts:
+        if beside.of(gap):
+            contact = beside.contact(R, gap, e, order)
+            result.append(replace(contact, surface=beside.where_there_is_one(gap)))
+            continue
+        speed = total_derivative(gap, field.time, field.states, field.rates)
+        if beside.of(speed) or speed.free_symbols & inner.keys():
+            raise NoTemplate("a contact whose gap moves with other elements")
+        residual, after = lowering.contact(field, R, gap, e)
+        after = tuple((i, new) for i, (old, new) in enumerate(zip(order, after, strict=True)) if new != old)
+        result.append(Multiplier(R, "contact", residual, gap, impact=after))
     result += [Multiplier(a, "algebraic", r) for a, r in field.algebraic]
-    _check_couplings(result, inner | {s: e for s, (_, e) in more.items()}, places)
+    _check_couplings(result, inner | {s: e for s, (_, e) in more.items()}, places, field)
     return tuple(result), tuple((s, f, e) for s, (f, e) in more.items()), field, tuple(levels)
+
+
+def _between(field, index, unknowns, ends):
+    """The Multiplier of a switch whose surface reads neighbours: a kink or a crossing, which nothing holds.
+
+    It is what it is where there is a neighbour: at the `ends` there is nothing to switch.
+    """
+    lam, h = field.switches[index]
+    field = field.map(lambda e: e.xreplace(ends))
+    if h.free_symbols & unknowns or sum(s in h.free_symbols for s in field.states) < 2:
+        raise NoTemplate("a surface between neighbours that is no matter of two motions")
+    residual = total_derivative(field.switches[index][1], field.time, field.states, field.rates)
+    regularity, _ = lowering.classify(field, index, residual)
+    if regularity == "sliding" or (
+        regularity == "crossing" and second_derivative(field, index, residual) is not None
+    ):
+        raise NoTemplate("a switch that can hold neighbours together")
+    return Multiplier(lam, "switch", sp.S.Zero, h, regularity)
 
 
 def _cubic(e, lam):

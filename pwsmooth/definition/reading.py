@@ -11,7 +11,7 @@ import sympy as sp
 
 from . import checks, drives
 from .controls import Control
-from .family import Expansion
+from .expansion import Expansion
 from .lifting import Lifting, plain
 from .lowering import Field
 from .model import Beside, EventSpec, of_event

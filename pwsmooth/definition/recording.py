@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from . import checks
+from .event_statistics import Activity, Histogram
 
 
 @dataclass(frozen=True)
@@ -28,13 +29,18 @@ class Recorder:
         removed at the end. It wants `events`.
     checkpoint_every : int
         Events between two checkpoints.
+    statistics : mapping of str to (Histogram or Activity), optional
+        What of the events is added up while the run goes on: `solution.statistics`, by these names.
+    keep_events : bool
+        Without them the memory of a run does not grow with its length; `solution.events` is empty then.
     progress : bool
         A line on the terminal: model time, events, elements that move.
 
     Raises
     ------
     ValueError, TypeError
-        Another type; a file name that is no folder of Zarr's; a checkpoint without a folder of events.
+        Another type; a file name that is no folder of Zarr's; a checkpoint without a folder of events, or with
+        statistics; a folder of events that are not kept.
 
     Examples
     --------
@@ -48,9 +54,18 @@ class Recorder:
     checkpoint: Path | str | None = None
     checkpoint_every: int = 1_000_000
     progress: bool = False
+    statistics: Mapping[str, Histogram | Activity] | None = None
+    keep_events: bool = True
 
     def __post_init__(self) -> None:
-        checks.fields(self, checkpoint_every=checks.integer(1, 2**62), progress=checks.flag)
+        checks.fields(
+            self, checkpoint_every=checks.integer(1, 2**62), progress=checks.flag, keep_events=checks.flag,
+            statistics=checks.optional(checks.mapping),
+        )  # fmt: skip
+        for name, what in (self.statistics or {}).items():
+            checks.instance((Histogram, Activity), "Histogram(...) or Activity(...)")(
+                what, f"`statistics` of {name!r}"
+            )
         if self.elements is not None:
             checked = tuple(checks.whole(i, "`elements`", -(10**7), 10**7) for i in self.elements)
             if 0 in checked or len(set(checked)) < len(checked):
@@ -63,6 +78,13 @@ class Recorder:
                 object.__setattr__(self, name, checks.path(getattr(self, name), f"`{name}`"))
         if self.events is not None and Path(self.events).suffix != ".zarr":
             raise ValueError(f"`events` is {str(self.events)!r}; give a name that ends in .zarr.")
+        if self.events is not None and not self.keep_events:
+            raise ValueError("`events` is given with `keep_events` False; leave one of them out.")
+        if self.checkpoint is not None and self.statistics:
+            raise ValueError(
+                "`checkpoint` and `statistics` are given: what was added up does not go on; leave one of them out, and "
+                "make the statistics from the folder of `events`."
+            )
         if self.checkpoint is not None and self.events is None:
             raise ValueError(
                 "`checkpoint` is given without `events`; give a folder for the events too, so that none is lost."

@@ -32,7 +32,7 @@ class Place:
     """Where a symbol of the elements points to.
 
     `base` is the symbol of the element itself and `outside` what stands beyond an end of the chain; of the number
-    i = 1, ..., n of the element `base` is None.
+    i = 1, ..., n of the element `base` is None, and with an offset it is 1 where there is no such neighbour, else 0.
     """
 
     family: int
@@ -70,10 +70,25 @@ class Template:
     event_families: tuple[int | None, ...]
     output_families: tuple[int | None, ...]
     levels: tuple[Level, ...] = ()
+    # Switches whose surfaces may be those of a neighbour as well: block, its place, and (block, place) of those there.
+    mirrors: tuple[tuple[int, int, tuple[tuple[int, int], ...]], ...] = ()
+
+    @cached_property
+    def linked(self) -> tuple[int, ...]:
+        """Blocks of multipliers that are solved for together: those of neighbours act on each other; () for none."""
+        solved = [(b, m) for b, m in enumerate(self.model.multipliers) if m.may_be_solved]
+        symbols = {m.symbol for _, m in solved}
+        beside = {s for s in self.beside if self.place[s].base in symbols}
+        return tuple(b for b, _ in solved) if any(m.residual.free_symbols & beside for _, m in solved) else ()
 
     @cached_property
     def place(self) -> dict[sp.Symbol, Place]:
         return dict(self.places)
+
+    @cached_property
+    def beside(self) -> frozenset[sp.Symbol]:
+        """Symbols of neighbours."""
+        return frozenset(s for s, place in self.places if place.base is not None and place.offset)
 
     @property
     def constants(self) -> set[sp.Symbol]:
@@ -149,6 +164,8 @@ class Families:
         if place is None:
             return symbol
         assert k is not None
+        if place.base is None and place.offset:
+            return sp.Integer(self.beside(place.family, k, place.offset) is None)
         if place.base is None:
             return sp.Integer(k + 1)
         at, n = k + place.offset, self.sizes[place.family]
@@ -174,6 +191,39 @@ class Families:
         if self.template.periodic[family]:
             return at % n
         return at if 0 <= at < n else None
+
+    def neighbours(self, family: int, elements: np.ndarray, offset: int) -> np.ndarray:
+        """Numbers of the neighbours of elements, their own where there is none."""
+        n, at = self.sizes[family], elements + offset
+        if offset >= LINKED:
+            table = self.links[family] if self.links else None
+            return elements if table is None else table.rows[elements, offset - LINKED].astype(np.int64)
+        if self.template.periodic[family]:
+            return at % n
+        return np.where((at >= 0) & (at < n), at, elements)
+
+    @cached_property
+    def told_beside(self) -> np.ndarray | None:
+        """Of all multipliers, whether their surface is that of a neighbour before, who tells what happens there."""
+        if not self.template.mirrors:
+            return None
+        starts, families = self.starts("multipliers"), self.template.families("multipliers")
+        told = np.zeros(starts[-1], bool)
+        for b, offset, same in self.template.mirrors:
+            family = families[b]
+            assert family is not None
+            own = np.arange(self.sizes[family])
+            beside = self.neighbours(family, own, offset)
+            there = [self.neighbours(family, beside, other) == own for _, other in same]
+            told[starts[b] + own] |= (beside < own) & np.logical_or.reduce(there)
+        return told
+
+    def told_once(self, numbers: np.ndarray) -> np.ndarray:
+        """Whether records of these multipliers and events are kept: what happens between two elements is one event."""
+        if self.told_beside is None:
+            return np.ones(len(numbers), bool)
+        among = numbers < len(self.told_beside)
+        return ~(among & self.told_beside[np.where(among, numbers, 0)])
 
     def expression(self, e: sp.Basic, k: int | None) -> sp.Basic:
         """An expression of the template for element k, sums written out."""
@@ -208,17 +258,26 @@ class Item:
         if name == "name":
             return named(value, self._k)
         if name == "update":
-            starts = self._families.starts("states")
-            families = self._families.template.families("states")
-            written = []
-            for b, e in value:
-                at: int | None = (self._k or 0) * (families[b] is not None)
-                if isinstance(b, Beside):
-                    at = self._families.beside(families[b] or 0, self._k or 0, b.offset)
-                if at is not None:
-                    written.append((starts[b] + at, self._families.expression(e, self._k)))
-            return tuple(written)
+            return self._written(value)
+        if name == "impact" and value is not None:
+            after = list(self._families.symbols("states"))
+            for i, e in self._written(value):
+                after[i] = e
+            return tuple(after)
         return self._made(value)
+
+    def _written(self, value: Any) -> tuple[tuple[int, sp.Expr], ...]:
+        """(index of state, new value) in place of (block, or Beside, new value)."""
+        starts = self._families.starts("states")
+        families = self._families.template.families("states")
+        written = []
+        for b, e in value:
+            at: int | None = (self._k or 0) * (families[b] is not None)
+            if isinstance(b, Beside):
+                at = self._families.beside(families[b] or 0, self._k or 0, b.offset)
+            if at is not None:
+                written.append((starts[b] + at, self._families.expression(e, self._k)))
+        return tuple(written)
 
     def plain(self) -> Any:
         """The multiplier or event itself."""

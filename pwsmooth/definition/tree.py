@@ -19,7 +19,7 @@ from sympy.functions.elementary.piecewise import ExprCondPair
 from . import checks
 from .controls import Control
 from .drives import Drive, rewritten, written
-from .family import Family, Links, Member, MemberMemory, MemberSum
+from .family import Family, Links, Member, MemberMemory, MemberSum, OfNeighbour
 from .model import Select
 from .primitives import Algebraic, Component, Disc, Event, Memory, Reaction, Switch, Unilateral
 
@@ -92,6 +92,12 @@ _RECORDS: dict[str, tuple[type, Callable, Callable, tuple]] = {
             ((Family,), (int,), _text),
         ),
         (MemberMemory, lambda s: (s.name, s.initial, s.family), MemberMemory, (_text, (float,), (Family,))),
+        (
+            OfNeighbour,
+            lambda s: (s.of, s.family, s.offset, s.outside),
+            OfNeighbour,
+            ((Reaction, MemberMemory), (Family,), (int,), _expression),
+        ),
         (Family, lambda f: (f.n, f.periodic, f.name), Family, ((int,), (bool,), _text)),
         (
             Control,

@@ -167,6 +167,9 @@ PRESETS: dict[str, Preset] = {
     ),
     "lattice": Preset("block_lattice", "How far does a slip reach in two dimensions, and with stiffer springs?"),
     "firing": Preset("firing_lattice", "Elements that push each other over the edge: do they come to fire together?"),
+    "cradle": Preset(
+        "granular_chain", "A blow runs through balls in a row: how much of it comes out? Lower the restitution.",
+    ),
     "cloud": Preset(
         "element_cloud", "Many small sliders: where has the force a corner when only some of them give way?",
         shown={"names": ("position", "force"), "phase": ("position", "force")},

@@ -494,6 +494,10 @@ class EventDriven:
                 outcome = Outcome.SINGULAR_POINT
                 event_t = np.append(event_t, t[-1])
                 events = np.vstack([events, [len(self.model.multipliers) + cause, names.EV_SINGULAR, 0, 0]])
+        families = self.model.families
+        if families and families.told_beside is not None:
+            once = families.told_once(events[:, 0])
+            event_t, events = event_t[once], events[once]
         cost = {
             "steps": state.steps,
             "jets": state.jets,
@@ -519,7 +523,8 @@ class EventDriven:
             t, x, mult, status = asked, x_asked, mult_asked, status[column]
         ambiguities = []
         if "ambiguity" in kept:
-            ambiguities = ambiguities_in_words(self.model, kept["ambiguity_t"], kept["ambiguity"])
+            once = families.told_once(kept["ambiguity"][:, 0]) if families else slice(None)
+            ambiguities = ambiguities_in_words(self.model, kept["ambiguity_t"][once], kept["ambiguity"][once])
 
         def solution(t: Any, x: Any, mult: Any, status: Any, course: Any = None) -> Solution:
             return Solution(

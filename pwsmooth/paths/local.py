@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..definition.model import Beside
+from ..definition.model import Beside, Multiplier
 from ..definition.pointwise import value
 from ..definition.recording import Recorder
 from ..definition.template import LINKED, Level, family_model
@@ -28,7 +28,7 @@ from .checkpoint import Saved
 from .event_driven import order_for
 from .locality import MANY, few_elements, few_of, walls
 from .problem import FEW, longest_step, terms
-from .words import ambiguities_in_words, event_words
+from .words import ambiguities_in_words, chosen_events, event_words
 
 _SHARE = 0.1  # of the tolerances, by which the rim of a patch may change
 _FIRST_ROOM = 256  # members and places of a patch
@@ -36,6 +36,7 @@ _LEAN = 100_000  # elements, of more of which rows are short
 _FIRST_LOG = 2**14  # events
 _FLUSHED = 2**18  # events in the kernel's buffers, from which on they are given up to the log
 _COLUMNS = 201  # of a run of fewer that is asked for none
+_TOUCHING = 2048  # contacts of a patch that touch at one instant
 _EMPTY = np.zeros(0, np.int64)
 
 
@@ -109,9 +110,12 @@ class _Run:
                 "flat_of": fixed[flat], "flat_own": each[flat].astype(np.int64),
             }  # fmt: skip
 
-    def _pattern(self, rows: Any) -> tuple[np.ndarray, np.ndarray]:
+    def _pattern(self, rows: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Ends of rows of (block, offset), their blocks, and the columns of the neighbours' table."""
         ends = np.cumsum([0, *map(len, rows)])
-        return ends.astype(np.int64), np.array([b for row in rows for b in row], np.int64)
+        offsets, entries = self.code.offsets, [entry for row in rows for entry in row]
+        near = [offsets.index(offset) if offset else -1 for _, offset in entries]
+        return ends.astype(np.int64), np.array([b for b, _ in entries], np.int64), np.array(near, np.int64)
 
     def _kind(self) -> Any:
         fixed, nm, ne = self.parts.fixed, self.nm, self.ne
@@ -123,7 +127,7 @@ class _Run:
         first = [*firsts("multipliers")[:-1], *(firsts("multipliers")[-1] + i for i in firsts("events")[:-1])]
         of_m, of_e = self.m_at, self.e_at
         linear = self.code.constants["linear"]
-        g_rows = [list(row) for row in linear["G_ROWS"]]
+        g_rows = [[b for b, offset in row if not offset] for row in linear["G_ROWS"]]
         links = [
             sorted({*row, *(i for i, r in enumerate(g_rows) if j in r)} - {j}) for j, row in enumerate(g_rows)
         ]
@@ -131,10 +135,25 @@ class _Run:
         for j in range(nm):
             linked = [g for g in groups if set(links[j]) & set(g)]
             groups = [g for g in groups if g not in linked] + [sorted({j, *(i for g in linked for i in g)})]
-        g_first, g_block = self._pattern(g_rows)
-        link_first, link_block = self._pattern(links)
-        group_first, group_block = self._pattern(sorted(groups))
-        dh_first, dh_block = self._pattern(linear["DH_ROWS"])
+        coupled = set(self.template.linked)
+        groups = [rest for group in groups if (rest := [b for b in group if b not in coupled])]
+        g_first, g_block, g_near = self._pattern(linear["G_ROWS"])
+        beside = {(j, b, o) for j, row in enumerate(linear["G_ROWS"]) for b, o in row if o}
+        beside |= {(b, j, -o) for j, b, o in beside}
+        rows = [
+            [*((b, 0) for b in row), *((b, o) for i, b, o in sorted(beside) if i == j)]
+            for j, row in enumerate(links)
+        ]
+        link_first, link_block, link_near = self._pattern(rows)
+        group_first, group_block, _ = self._pattern([[(b, 0) for b in group] for group in sorted(groups)])
+        dh_first, dh_block, dh_near = self._pattern(linear["DH_ROWS"])
+        contact = np.flatnonzero(self.parts.kind[of_m] == names.CONTACT)
+        self.contacts = len(contact)
+        surfaces = [m.surface for m in self.template.model.multipliers]
+        between = np.array([b for b in contact if surfaces[b].free_symbols & self.template.beside], np.int64)
+        reads = [e for e in (*self.template.model.multipliers, *self.template.model.events)
+                 if e.surface is not None and self.template.beside & e.surface.free_symbols]  # fmt: skip
+        acts = any(not isinstance(e, Multiplier) or e.kind == "contact" for e in reads)
         self.groups, self.g_block, self.link_block = groups, g_block, link_block
         self.own_groups = sum(bool(own[group[0]]) for group in groups)  # exactly: their number is a loop's end
         self.group_block, self.dh_block = group_block, dh_block
@@ -152,8 +171,9 @@ class _Run:
         sizes = dict(ns=self.ns, nm=nm, ne=ne, nt=len(self.timed), nx=len(read), np=len(self.p_fixed))
         return local.Kind.zeros(
             sizes, ns=self.ns, nm=nm, ne=ne, np=len(self.own_parameters), nr=len(self.code.offsets),
-            target=np.array(sorted({self.code.offsets.index(b.offset) for e in self.template.model.events
-                                    for b, _ in e.update if isinstance(b, Beside)}), np.int64),
+            target=self._targets(), contact=contact, between=between,
+            coupled=np.array(self.template.linked, np.int64), reads_between=int(len(reads) > 0),
+            acts_between=int(acts), g_near=g_near, dh_near=dh_near, link_near=link_near,
             together=int(self._act_together()), timed=np.array(self.timed, np.int64), at_first=at_first, at=at,
             walls=int(walls(self.template)), read=np.array(read, np.int64),
             s_fixed=np.cumsum([0, *~own])[:-1], s_blocks=np.cumsum([0, *own])[:-1], s_own=own.astype(np.int64),
@@ -174,11 +194,21 @@ class _Run:
             **dict(zip(("shared_fixed", "shared_blocks", "shared"), self.shared, strict=True)),
         )  # fmt: skip
 
+    def _targets(self) -> np.ndarray:
+        """Columns of the neighbours that events and impacts write."""
+        text = self.template.model
+        written = [b for e in text.events for b, _ in e.update]
+        written += [b for m in text.multipliers for b, _ in m.impact or ()]
+        return np.array(
+            sorted({self.code.offsets.index(b.offset) for b in written if isinstance(b, Beside)}), np.int64
+        )
+
     def _act_together(self) -> bool:
         """Whether what an event of an element does depends on other elements, or acts on them."""
-        beside = {s for s, p in self.template.places if p.base is not None and p.offset}
+        beside = self.template.beside
         for event in self.template.model.events:
             said = [e for _, e in event.update] + ([event.when] if isinstance(event.when, sp.Basic) else [])
+            said += [event.surface] if event.surface is not None else []
             if any(isinstance(b, Beside) for b, _ in event.update) or any(
                 e.free_symbols & beside for e in said
             ):
@@ -221,17 +251,21 @@ class _Run:
             fixed, each = of["scratch"]
             own = max(own, -(-(fixed + each * places) // self.stride))
         rows += own
+        coupled = len(self.template.linked)
         entries, gradients = self.fixed_m + len(self.g_block) * members, len(self.dh_block) * members
         return {
-            "n": self.ns * places, "m": m, "ne": ne, "nz": 0, "blocks": self.fixed_m + self.own_groups * members,
+            "n": self.ns * places, "m": m, "ne": ne, "nz": 0,
+            "blocks": self.fixed_m + self.own_groups * members + int(coupled > 0),
             "width": self.stride, "rows": rows, "fold_size": 0, "entries": entries,
             "gradients": gradients + m + ne, "fold_entries": 0, "fold_gradients": 0,
-            "group": max(map(len, self.groups), default=0), "hubs": 0, "contacts": 0, "onset": 0, "room": 16,
+            "group": max(*map(len, self.groups), min(coupled * self.n, _TOUCHING), 0),
+            "hubs": 0, "onset": 0, "room": 16,
+            "contacts": min(self.contacts * self.n, _TOUCHING), "contact": self.contacts * members,
             "discs": 0, "pieces": 0, "polynomials": 0, "order": 0, "tapes": 0, "times": 0,
             "p": len(self.p_fixed) - len(self.own_parameters) + len(self.own_parameters) * places,
             "g_col": entries, "link_col": len(self.link_block) * members, "dh_col": gradients,
             **{f"flat_{name}": int((1 + (members - 1) * of["flat_own"]).sum()) for name, of in self.rows.items()},
-            "block_member": self.fixed_m + len(self.group_block) * members,
+            "block_member": self.fixed_m + (len(self.group_block) + coupled) * members,
         }  # fmt: skip
 
     def _bundles(self, most: int) -> None:
@@ -241,17 +275,17 @@ class _Run:
         fixed, code = self.parts.fixed, self.code.address
         open_ended = {
             name: np.zeros(sizes.get(name, 0), np.int64)
-            for name in ("g_col", "link_col", "dh_col", "block_member", "flat_slip", "flat_general")
+            for name in ("g_col", "link_col", "dh_col", "block_member", "flat_slip", "flat_general", "contact")
         }
         numbers = {
             name: value for name, value in fixed.items()
             if isinstance(names.Problem.members[name], type(names.Problem.members["n"]))
         }  # fmt: skip
         numbers |= {
-            "fields": code["fields"], "linear": code["linear"], "act": code["act"] if self.ne else 0,
+            "fields": code["fields"], "linear": code["linear"], "act": code["act"] if self.ne or self.contacts else 0,
             "jet_slip": code["slip"], "jet_general": code["general"],
         }  # fmt: skip
-        empty = {name: _EMPTY for name in ("fold_col", "hub", "contact", "flat_fold")}
+        empty = {name: _EMPTY for name in ("fold_col", "hub", "flat_fold")}
         self.P = names.Problem.zeros(
             sizes, **numbers, **empty, **open_ended, p=np.zeros(sizes["p"]), fold_bias=np.zeros(0)
         )
@@ -379,10 +413,15 @@ class _Run:
         self._assembly(t0, t1, np.array(start, float), np.asarray(asked, float), kept)
         self._bundles(_FIRST_ROOM)
         text = self.template.model
-        self.names = [str(s) for s in text.states]
+        self.names = [str(s).replace("[]", "") for s in text.states]
+        wanted = (record.statistics if record else None) or {}
+        self.statistics = {}
+        for name, what in wanted.items():
+            looked_at = chosen_events(what, name, self._surfaces(), self.names)
+            self.statistics[name] = what._begin(self.n, t0, looked_at)
         saved = Saved(self, ends, start) if record and record.checkpoint else None
         rows = saved.load() if saved else 0
-        self.log = Writer(record and record.events, [n.replace("[]", "") for n in self.names], rows)
+        self.log = Writer(record and record.events, self.names, rows)
         try:
             code = self._advance(spending, saved)
         finally:
@@ -440,14 +479,22 @@ class _Run:
         if not count:
             return
         self._name_folds(A.event[:count])
+        once = np.flatnonzero(self.model.families.told_once(A.event[:count, 0]))
+        if len(once) < count:
+            for kept in (A.event, A.event_t, A.event_x):
+                kept[: len(once)] = kept[once]
+            count = len(once)
         first, own = A.kind.s_first, A.kind.s_own
         surface = np.searchsorted(first, A.event[:count, 0], side="right") - 1
-        self.log.append({
+        columns = {
             "t": A.event_t[:count], "surface": surface.astype(np.int32),
             "element": np.where(own[surface] != 0, A.event[:count, 0] - first[surface] + 1, 0).astype(np.int32),
             **{name: A.event[:count, c].astype(np.int8) for c, name in enumerate(("kind", "came", "went"), 1)},
             **{f"state {name}": A.event_x[:count, b] for b, name in enumerate(self.log.states)},
-        })  # fmt: skip
+        }  # fmt: skip
+        for statistic in self.statistics.values():
+            statistic.take(columns)
+        self.log.append(columns, self.record is None or self.record.keep_events)
         A.events = 0
 
     def _enlarge(self) -> None:
@@ -503,18 +550,25 @@ class _Run:
         }
         tolerances = {"rtol": self.options.rtol, "atol": float(self.atol.max(initial=0.0)), "order": self.order}
         words = functools.partial(ambiguities_in_words, self.model)
-        unsure = AmbiguityLog(A.ambiguity_t[:ambiguities].copy(), A.ambiguity[:ambiguities].copy(), words)
+        once = self.model.families.told_once(A.ambiguity[:ambiguities, 0])
+        unsure = AmbiguityLog(A.ambiguity_t[:ambiguities][once], A.ambiguity[:ambiguities][once], words)
         columns = self.log.columns()
         log = StoredLog(columns, A.kind.s_first.copy(), event_words(self.model))
         solution = Solution(
             self.system, times, x, self._multipliers(mult, status), status, log, None, outcome, cost,
             tolerances, unsure, self.system.parameters, None,
         )  # fmt: skip
-        text = self.template.model
-        surfaces = [mu.symbol.name.replace("[]", "") for mu in text.multipliers]
-        surfaces += [str(e.name).replace(" []", "") for e in text.events]
-        solution.recorded, solution.catalogue = recorded, Catalogue(columns, surfaces, self.log.states, A.near)
+        catalogue = Catalogue(columns, self._surfaces(), self.log.states, A.near)
+        solution.recorded, solution.catalogue, solution.statistics = recorded, catalogue, self.statistics
+        for statistic in self.statistics.values():
+            statistic.end(A.t)
         return solution
+
+    def _surfaces(self) -> list[str]:
+        """Names of the switches, contacts and events."""
+        text = self.template.model
+        names_of = [mu.symbol.name.replace("[]", "") for mu in text.multipliers]
+        return names_of + [str(e.name).replace(" []", "") for e in text.events]
 
     def _rows(self, part: np.ndarray, own: list[bool]) -> np.ndarray:
         """Of times, elements and blocks: a row a number, one alone of what belongs to all elements."""

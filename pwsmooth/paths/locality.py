@@ -13,7 +13,7 @@ import sympy as sp
 from sympy.solvers.solveset import NonlinearError
 
 from ..definition import checks
-from ..definition.model import Held, Model
+from ..definition.model import Held, Model, Select
 from ..definition.template import Families, family_model
 from ..kernels import state as names
 from .problem import FEW, CompiledProblem, compiled_problem
@@ -50,8 +50,9 @@ def why_global(model: Model) -> str:
         if event.tables or any(e.free_symbols & template.place.keys() for e in event.at):
             return "it has sampled drives, or instants that differ from element to element"
     states = set(text.states)
-    read = {p.base for s, p in template.places if p.base is not None and p.offset}
-    if read - states - set(text.parameters):
+    used = set().union(*(e.free_symbols for e in moving))
+    read = {template.place[s].base for s in used & template.beside}
+    if read - states - set(text.parameters) - {text.multipliers[b].symbol for b in template.linked}:
         return "elements read the multipliers of others"
     return _why_not_by_series(few_elements(template))
 
@@ -62,13 +63,8 @@ def _why_not_by_series(parts: CompiledProblem) -> str:
     fixed = parts.fixed
     if fixed["watches"]:
         return "some function has a singular argument"
-    if (
-        parts.fold is not None
-        or fixed["discs"]
-        or len(fixed["contact"])
-        or np.any(parts.kind == names.SECOND_ORDER)
-    ):
-        return "its switches have folds, contacts or slides of second order"
+    if parts.fold is not None or fixed["discs"] or np.any(parts.kind == names.SECOND_ORDER):
+        return "its switches have folds or slides of second order"
     return ""
 
 
@@ -118,14 +114,17 @@ def walls(template: Any) -> bool:
     """Whether what others read of an element that sticks does not depend on its neighbours."""
     model = template.model
     sliding = [m for m in model.multipliers if m.kind == "switch" and m.regularity == "sliding"]
-    if not sliding:
+    if not sliding or any(m.kind == "contact" for m in model.multipliers):
         return False
     beside = {s for s, p in template.places if p.base is not None and p.offset}
     solved = [m for m in model.multipliers if m.kind == "algebraic" or m in sliding]
     unknowns = [m.symbol for m in solved]
     # Solved multipliers are held; what is chosen may be any mixture.
     whole = [
-        e.replace(Held, lambda lam, apart, held: held) for e in (*model.rhs, *(m.residual for m in solved))
+        e.replace(Held, lambda lam, apart, held: held).replace(
+            Select, lambda lam, a, b: (a + b) / 2 + lam * (a - b) / 2
+        )
+        for e in (*model.rhs, *(m.residual for m in solved))
     ]
     chosen = {e: sp.Add(*(sp.Dummy() * a for a, _ in e.args)) for r in whole for e in r.atoms(sp.Piecewise)}
     held = {}  # states that stand where the surfaces are met

@@ -331,9 +331,10 @@ def _both_ways(row, col):
 
 
 def _diagonal(row, col):
-    """Where the diagonal entries of a sparse matrix stand."""
+    """Where the diagonal entries of a sparse matrix stand; those of neighbours that are none come after them."""
     rows = np.repeat(np.arange(len(row) - 1), np.diff(row))
-    return np.flatnonzero(rows == col)
+    here = np.flatnonzero(rows == col)
+    return here[np.unique(rows[here], return_index=True)[1]]
 
 
 def _slope_moves(mu: Multiplier, fixed) -> int:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from ..definition.event_statistics import WAITING
 from ..definition.model import EventSpec, Model
 from ..definition.singular import remedy
 from ..kernels import state as names
@@ -18,24 +19,25 @@ from ..kernels.tangent.state import CORNER, GRAZES
 from ..results.outputs import vectorised
 from ..results.records import CONFLICTING_UPDATES, Ambiguity, EventRecord
 
+KINDS = {
+    names.EV_CROSSING: "crossing",
+    names.EV_STICK: "stick",
+    names.EV_TANGENCY: "slip by tangency",
+    names.EV_FOLD: "slip by fold",
+    names.EV_FOLD_TO_SLIDING: "sliding to sliding",
+    names.EV_EVENT: "reset",
+    names.EV_IMPACT: "impact",
+    names.EV_CLOSED: "closed contact",
+    names.EV_OPENING: "opening",
+    names.EV_ACCUMULATION: "accumulation",
+    names.EV_RESET: "slip by reset",
+}
 _STOPPED = 1e-7  # of an argument's size: a run into a singular point stops that near
 
 
 def event_words(model: Model) -> Any:
     """(time, an event's record) -> EventRecord."""
-    kinds = {
-        names.EV_CROSSING: "crossing",
-        names.EV_STICK: "stick",
-        names.EV_TANGENCY: "slip by tangency",
-        names.EV_FOLD: "slip by fold",
-        names.EV_FOLD_TO_SLIDING: "sliding to sliding",
-        names.EV_EVENT: "reset",
-        names.EV_IMPACT: "impact",
-        names.EV_CLOSED: "closed contact",
-        names.EV_OPENING: "opening",
-        names.EV_ACCUMULATION: "accumulation",
-        names.EV_RESET: "slip by reset",
-    }
+    kinds = KINDS
     multipliers = model.multipliers
 
     def words(t: float, index: int, kind: int, came: int, went: int) -> EventRecord:
@@ -51,6 +53,24 @@ def event_words(model: Model) -> Any:
         return EventRecord(t, multipliers[index].symbol.name, kinds[kind], note)
 
     return words
+
+
+def chosen_events(what: Any, name: str, surfaces: list[str], states: list[str]) -> Any:
+    """Which events of a block a statistic looks at; a ValueError where it names what there is not."""
+    said = [("surface", what.surface, surfaces), ("kind", what.kind, [*KINDS.values()])]
+    for which, one, among in (*said, ("of", getattr(what, "of", WAITING), [WAITING, *states])):
+        if one is not None and one not in among:
+            raise ValueError(f"`{which}` of statistic {name!r} is {one!r}; give one of {', '.join(among)}.")
+    number = surfaces.index(what.surface) if what.surface is not None else -1
+    code = next((code for code, word in KINDS.items() if word == what.kind), -1)
+
+    def chosen(columns: dict[str, np.ndarray]) -> np.ndarray:
+        among = np.ones(len(columns["t"]), bool)
+        if number >= 0:
+            among &= columns["surface"] == number
+        return among & (columns["kind"] == code) if code >= 0 else among
+
+    return chosen
 
 
 def singular_record(

@@ -281,9 +281,11 @@ class Writer:
         for name, kind in names.items():
             self._group.create_array(name, shape=(0,), chunks=(_CHUNK,), dtype=kind)
 
-    def append(self, columns: dict[str, np.ndarray]) -> None:
+    def append(self, columns: dict[str, np.ndarray], keep: bool = True) -> None:
         count = len(columns["t"])
-        if self.path is None:
+        if not keep:
+            pass
+        elif self.path is None:
             self._kept.append({name: np.array(c) for name, c in columns.items()})
         else:
             for name, values in columns.items():

@@ -145,6 +145,7 @@ class Solution(Described):
         self.whole: Any = None  # of a run without a tape that was asked for times, the one with its own
         self.recorded: Any = None  # elements of a large family that were kept, and its events
         self.catalogue: Any = None
+        self.statistics: Any = None  # of its events, by name
         self.derived: Any = None  # what makes the Derivatives of a run with_respect_to=...
 
     @property

@@ -1,6 +1,6 @@
 """Scenes: mechanism + law + drive; the contract is in scene.py."""
 
-from .assemblies import block_lattice, block_train, element_cloud, firing_lattice
+from .assemblies import block_lattice, block_train, element_cloud, firing_lattice, granular_chain
 from .drive import t
 from .impact import falling_ball, free_impact, grazing_amplitude, impact_oscillator, pressed_block
 from .planar import bristle_bot, incline, planar_oscillator, pulled_block, shaken_plate
@@ -30,6 +30,7 @@ __all__ = [
     "force_driven",
     "free_impact",
     "friction_oscillator",
+    "granular_chain",
     "grazing_amplitude",
     "gripped_bar",
     "impact_oscillator",

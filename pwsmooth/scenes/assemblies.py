@@ -2,6 +2,7 @@
 
     m x_i'' = coupling sum_j (x_j - x_i) - spring x_i - f(x_i' - pull)        blocks on a belt, in a row or a lattice
     u_i' = drive - leak u_i;   at u_i = 1 it fires: u_i = 0, and each neighbour gets share u_i
+    m_i x_i'' = R_(i-1) - R_i,   0 <= gap + x_(i+1) - x_i  complementary to  R_i >= 0          balls in a row
 
 They are small enough for a page by default; with `record=` a run of a hundred thousand elements is one of seconds.
 """
@@ -16,7 +17,7 @@ import sympy as sp
 
 from ..definition import checks
 from ..definition.family import Family
-from ..definition.primitives import Event
+from ..definition.primitives import Event, Unilateral
 from ..laws import Law
 from ..system import System
 from . import sketches
@@ -241,6 +242,93 @@ def firing_lattice(
         "lattice that fires", system, dict(zip(system.groups["u"], start.tolist())), t_span,
         units={"u": "1", "share": "1", "drive": "1/s", "leak": "1/s"},
         note="Olami, Feder, Christensen, Phys. Rev. Lett. 68 (1992) 1244-1247, with a leak",
+    )  # fmt: skip
+
+
+@door(
+    "m", n=checks.integer(2, 10**7), restitution=checks.nonnegative, stiffness=checks.optional(checks.positive),
+    **dict.fromkeys(("gap", "speed", "taper"), checks.positive),
+)  # fmt: skip
+def granular_chain(
+    *, n: int = 10, restitution: float = 1.0, stiffness: float | None = None, m: float = 1.0, taper: float = 1.0,
+    gap: float = 0.1, speed: float = 1.0, t_span: tuple[float, float] = (0.0, 2.0),
+) -> Scene:  # fmt: skip
+    """Balls at rest in a row, the first of which is struck: a blow runs from ball to ball.
+
+    Parameters
+    ----------
+    n : int
+        Balls, at least 2.
+    restitution : float, dimensionless
+        Of two balls that meet, between 0 and 1.
+    stiffness : float, N/m, optional
+        Balls that touch are springs that push, instead of rigid ones; > 0.
+    m : float, kg
+        Mass of the first ball, > 0.
+    taper : float, dimensionless
+        Mass of each ball over that of the one before, > 0.
+    gap : float, m
+        Between two balls, > 0.
+    speed : float, m/s
+        Of the first ball at the start, > 0.
+    t_span : (float, float), s
+        Suggested span.
+
+    Returns
+    -------
+    Scene
+        States x (from its place) and v of each ball; outputs `energy` and `momentum`.
+
+    Raises
+    ------
+    ValueError
+        A restitution above 1; one below 1 of balls that are springs.
+
+    Notes
+    -----
+    Of rigid balls each is struck once by the blow: v_(i+1) = (1 + e) v_i/(1 + m_(i+1)/m_i), after gap/v_i on the way.
+    With equal masses and e = 1 the last one leaves with the speed of the first, Newton's cradle. Where e < 1 the balls
+    behind catch up, and come to rest on each other in clusters.
+
+    Examples
+    --------
+    Balls that become smaller pass a blow on faster:
+
+    >>> from pwsmooth.scenes import granular_chain
+    >>> run = granular_chain(n=20, taper=0.9).solve(t_eval=[0, 2])
+    >>> print(f"{run['v_20'][-1]:.6f}; {(2 / 1.9)**19:.6f}")
+    2.650034; 2.650034
+    """
+    if restitution > 1:
+        raise ValueError(f"`restitution` is {restitution:g}; give 0 to 1.")
+    if stiffness is not None and restitution < 1:
+        raise ValueError(
+            f"`restitution` is {restitution:g}, of balls that are springs; leave it or `stiffness` out."
+        )
+    family = Family(n)
+    x, v = family.symbols("x v")
+    (own,) = family.symbols("mass", positive=True)
+    room, e, k = sp.symbols("gap restitution stiffness", nonnegative=True)
+    after, before = room + family.neighbour(x, 1) - x, room + x - family.neighbour(x, -1)
+    values = {own: [m * taper**i for i in range(n)], room: gap}
+    contacts: list[Unilateral] = []
+    if stiffness is None:
+        contact = Unilateral(after, restitution=e, name="R")
+        contacts, values[e] = [contact], restitution
+        force = family.neighbour(contact.reaction, -1) - contact.reaction
+    else:
+        values[k] = stiffness
+        force = k * (sp.Max(0, -before) - sp.Max(0, -after))
+    outputs = {"energy": family.sum(own * v**2 / 2), "momentum": family.sum(own * v)}
+    system = System({x: v, v: force / own}, parameters=values, contacts=contacts, outputs=outputs)
+    start = dict.fromkeys([*system.groups["x"], *system.groups["v"]], 0.0) | {"v_1": speed}
+    names = [family.at(x, i) for i in range(1, n + 1)] if n <= _FEW else []
+    return Scene(
+        "chain of balls", system, start, t_span, observables={name: name for name in outputs},
+        units={"x": "m", "v": "m/s", "mass": "kg", "gap": "m", "restitution": "1", "stiffness": "N/m", "energy": "J",
+               "momentum": "kg m/s"},
+        note="Newton's law of impact, from ball to ball",
+        sketch=sketches.row_of_balls(names, gap) if names else None,
     )  # fmt: skip
 
 

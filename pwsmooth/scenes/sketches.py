@@ -91,6 +91,13 @@ def slider_crank(crank: float, rod: float, clearance: float) -> Sketch:
     )
 
 
+def row_of_balls(positions: Sequence[Any], gap: float) -> Sketch:
+    """Balls in a row, of four times the size of the gaps between them."""
+    size, n = 4 * gap, len(positions)
+    balls = [Ball(f"ball {k + 1}", k * (size + gap) + x, size / 2, size / 2) for k, x in enumerate(positions)]
+    return Sketch((Ground("ground", -2 * size, 0, (n + 1) * (size + gap), 0), *balls))
+
+
 def chain_of_blocks(positions: Sequence[Any], *, spacing: float = 1.0, switches: Sequence[Any] = ()) -> Sketch:
     """A sketch of blocks in a row, each joined to the next one by a spring, such as those of a Family.
 

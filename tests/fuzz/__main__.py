@@ -16,7 +16,18 @@ from pathlib import Path
 
 from . import judging, planted
 
-NAMES = ("affine", "contacts", "resets", "hidden", "smooth", "invariance", "discs", "lines", "assemblies")
+NAMES = (
+    "affine",
+    "contacts",
+    "resets",
+    "hidden",
+    "smooth",
+    "invariance",
+    "discs",
+    "lines",
+    "assemblies",
+    "links",
+)
 OF_DERIVATIVES = ("slopes", "differences", "gradients")
 SLOW = 5.0  # seconds of a case that are reported
 

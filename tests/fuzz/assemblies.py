@@ -19,7 +19,7 @@ from pwsmooth import Event, Family, Switch, System, solve
 from pwsmooth.definition import one_element
 
 from . import judging
-from .judging import ILL, REFUSED, RIGHT, WRONG, Played, Verdict
+from .judging import ILL, RECORDED, REFUSED, RIGHT, WRONG, Played, Verdict
 
 TITLE = "assemblies"
 KINDS = ("sliding", "hidden", "relay", "kink", "memory", "fire", "bounce", "driven", "weakening", "first order",
@@ -188,20 +188,27 @@ def compiled(_, seed):
 
 def play(played, seed):
     """The verdict on one case."""
-    one = case(played.model, seed)
+    return judged(played, case(played.model, seed))
+
+
+def judged(played, one, cascades=False):
+    """The verdict on these numbers; of `cascades` of bounces, without their events."""
     try:
         whole, local = (_run(played, one, way) for way in (False, True))
     except Exception as error:
         return Verdict(WRONG, f"raised {type(error).__name__}: {error}"[:200])
     if not (whole.success and local.success):
         kind = (
-            WRONG if whole.success else REFUSED
+            WRONG if whole.success and not cascades else REFUSED
         )  # folds of several elements at one instant stop the run of all
         return Verdict(kind, f"{whole.outcome.name}, by elements {local.outcome.name}")
-    found = compared(whole, local)
+    found = compared(whole, local, not cascades)
     if found is None:
         return Verdict(RIGHT)
     reason, error = found
+    if cascades and whole.ambiguities:
+        # How bounces of several end together is a matter of their order, and both runs say so.
+        return Verdict(RECORDED, whole.ambiguities[0].kind, error)
     moved = max(_spread(played, one, whole, k) for k in range(3))
     if reason == "states" and error <= 10 * moved:
         return Verdict(ILL, "", error)
@@ -243,7 +250,7 @@ def _multipliers(solution):
     return {name: (lam, status) for name, lam, status in rows}
 
 
-def compared(whole, local):
+def compared(whole, local, events=True):
     """(what differs, by how much) between two runs of a case, or None."""
     size = 1 + float(np.abs(whole.x).max())
     if not np.array_equal(whole.t, local.t):
@@ -259,6 +266,8 @@ def compared(whole, local):
         # Those of hidden friction by the root of a cubic, which is steep beside its fold.
         if not error <= 1e4 * BOUND:
             return f"multiplier {name}", error
+    if not events:
+        return None
     ours, theirs = _itineraries(local), _itineraries(whole)
     if ours.keys() != theirs.keys():
         return f"events of {sorted(ours.keys() ^ theirs.keys())[:4]}", np.inf

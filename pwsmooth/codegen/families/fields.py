@@ -16,11 +16,6 @@ from ..layout import Count, Layout, one, starts
 from .sections import ElementCode, Root, Sections
 
 
-def solvable(multiplier) -> bool:
-    """Whether a multiplier is ever solved for: kinks and crossings are not."""
-    return multiplier.kind != "switch" or multiplier.regularity == "sliding"
-
-
 class FamilyFields:
     """Writes `fields`, `linear` and `act` of one template."""
 
@@ -32,7 +27,7 @@ class FamilyFields:
         self.rates = [graph.expression(e) for e in self.model.rhs]
         # What is never solved for needs no residual.
         self.residuals = [
-            graph.expression(m.residual) if solvable(m) else graph.zero for m in self.model.multipliers
+            graph.expression(m.residual) if m.may_be_solved else graph.zero for m in self.model.multipliers
         ]
 
     def write(self) -> dict[str, str]:
@@ -74,11 +69,10 @@ class FamilyFields:
 
     def _linear(self, source: Source) -> None:
         graph, lay = self.graph, self.layout
-        solved = [solvable(m) for m in self.model.multipliers]
-        G = [
-            sorted({i, *(j for j in graph.variables(r, "mult") if solved[j])})
-            for i, r in enumerate(self.residuals)
-        ]
+        G, solved = [], [m.may_be_solved for m in self.model.multipliers]
+        for i, r in enumerate(self.residuals):
+            found = {(i, 0), *((j, o) for j, o in graph.places(r, "mult") if solved[j])}
+            G.append(sorted(found, key=lambda place: (place[0], place[1] != 0, place[1])))
         dh = [self._moving_states(s) for s in self.h]
         entries, length = self._rows("G", G, lay.multipliers, "mult", lay.multipliers, self.residuals, Count())
         more, length = self._rows("dh", dh, lay.surfaces, "x", lay.states, self.h, Count())
@@ -87,18 +81,25 @@ class FamilyFields:
         self._store(source, "linear", "t, x, mult, p, G, dh", entries + more)
         source.constants |= {"G_ROWS": tuple(map(tuple, G)), "DH_ROWS": tuple(map(tuple, dh))}
 
-    def _moving_states(self, surface: int) -> list[int]:
+    def _moving_states(self, surface: int) -> list[tuple[int, int]]:
         graph = self.graph
-        blocks = graph.variables(surface, "x")
-        return [i for i in blocks if derivative(graph, surface, graph.var("x", i)) != graph.zero]
+        blocks = graph.places(surface, "x")
+        return [
+            place for place in blocks if derivative(graph, surface, self._variable("x", *place)) != graph.zero
+        ]
+
+    def _variable(self, kind: str, block: int, offset: int) -> int:
+        return self.graph.make("var", (), (kind, block, offset)) if offset else self.graph.var(kind, block)
 
     def _rows(self, array, rows, families, kind, columns, nodes, start: Count):
         """Entries of a sparse matrix by rows, and where they end."""
         graph, entries = self.graph, []
         for blocks, family, node in zip(rows, families, nodes, strict=True):
             place = start
-            for b in blocks:
-                slope = derivative(graph, node, graph.var(kind, b))
+            for b, offset in blocks:
+                slope = derivative(graph, node, self._variable(kind, b, offset))
+                if offset and kind == "mult" and self.layout.patch:
+                    slope = graph.ite(graph.make("inside", (), (family, offset, True)), slope, graph.zero)
                 if family is None:
                     entries.append((array, place, columns[b], slope))
                     place += one(columns[b])
@@ -114,21 +115,29 @@ class FamilyFields:
         """Resets of the events by number; an event of elements acts on one of them."""
         graph, lay = self.graph, self.layout
         body, _ = self._body()
-        for first, family, event in zip(starts(lay.events), lay.events, self.model.events):
+        firsts = starts(lay.events)
+        events = [
+            (first, family, event.when, event.writes(self.model.states))
+            for first, family, event in zip(firsts, lay.events, self.model.events)
+        ]
+        # Impacts of contacts, in the order of the multipliers.
+        for first, family, m in zip(starts(lay.multipliers), lay.multipliers, self.model.multipliers):
+            if m.impact is not None:
+                events.append((firsts[-1] + first, family, sp.true, [(b, e, False) for b, e in m.impact]))
+        for first, family, when, writes in events:
             at = first.text()
             body.line(f"if i == {at}:" if family is None else f"if i >= {at} and i < {at} + m{family}:")
             body.indent = 2
             code = ElementCode(graph, body, lay)
             sections = Sections(code)
-            condition = graph.expression(event.when)
-            writes = event.writes(self.model.states)
+            condition = graph.expression(when)
             values = [graph.expression(value) for _, value, _ in writes]
             sections.sums([condition, *values])
             if family is not None:
                 body.line(f"i{family} = i - ({at})")
             mark = len(body.lines)
             code.emit([condition])
-            if event.when != sp.true:
+            if when != sp.true:
                 body.line(f"if not {code.name(condition)}:")
                 body.line("    return 0")
             # All new values come from the values before, so none is written until all are known.

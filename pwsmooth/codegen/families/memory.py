@@ -117,7 +117,9 @@ class ElementMemory:
                 f"rows[{code.row(node)}]" if node in code.rows and not order_zero else self.slot(family, name)
             )
         if name[0] == "k" and op == "var" and data[0] == "mult":
-            return f"rows[{code.row(node)} + k]"
+            found = f"rows[{code.row(node)} + k]"
+            beside = len(data) == 3 and self.layout.patch  # of a patch, what stands beside it is open
+            return f"choose({neighbour(family, data[2])} < m{family}, {found}, 0.0)" if beside else found
         if name[0] == "k" and op == "var":
             index = neighbour(family, data[2]) if len(data) == 3 else ""
             return f"{self.slot(family, self.old(f'd{data[1]}'), index)} * inv"

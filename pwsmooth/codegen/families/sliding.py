@@ -6,8 +6,7 @@ Order k of every residual is found with all lambda_k = 0; it is linear in them, 
     [B_i  D  ] [lambda  ] = - [g  ]      A_i: multipliers of element i,  D: those of the whole
 
 gives them: lambda from D - sum B_i Y_i, Y_i = A_i^-1 C_i, then lambda_i = -A_i^-1 g_i - Y_i lambda, in O(n). The second
-pass makes order k of everything with them. (A residual of an element that depends on other elements' multipliers has
-no such form; one_element.py writes the elements out.)
+pass makes order k of everything with them. (Where elements act on their neighbours' contacts: coupled.py.)
 Returns 1 where A_i or the system of the whole is singular.
 
 Chain: jets.py -> sliding (here) -> native.py.
@@ -17,7 +16,6 @@ from __future__ import annotations
 
 from ..graph.scalar import Writer
 from ..graph.slopes import derivative
-from .fields import solvable
 from .jets import FamilyJet
 from .orders import FamilyOrderK
 from .sections import Root, Sections
@@ -29,7 +27,7 @@ class FamilyGeneral(FamilyJet):
     name, arguments = "jet_general", "t, x, mult, p, mask, K, stride, rows, scratch"
 
     def _solved(self) -> list[int]:
-        return [j for j, m in enumerate(self.model.multipliers) if solvable(m)]
+        return [j for j, m in enumerate(self.model.multipliers) if m.may_be_solved]
 
     def _residuals(self) -> list[int]:
         graph = self.graph

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from ...definition.model import Model
 from ..taylor.recurrences import NoRecurrence
+from .coupled import FamilyCoupled
 from .jets import FamilyJet
 from .sliding import FamilyGeneral
 
@@ -15,7 +16,7 @@ def write_family_jets(model: Model, patch: bool = False) -> dict[str, str]:
     """Sources as of jets.write_jets, of all elements or of a patch of them (kernels/local)."""
     try:
         sources = {"slip": FamilyJet(model, patch).write()}
-        general = FamilyGeneral(model, patch)
+        general = (FamilyCoupled if model.families.template.linked else FamilyGeneral)(model, patch)
         return sources | ({"general": general.write()} if general.residuals else {})
     except NoRecurrence as reason:
         return {"none": f"# no jets: {reason}\n"}

@@ -90,6 +90,8 @@ class Graph(Nodes):
             family, inner = self._sums[e]
             return self.make("total", (self.expression(inner),), family)
         place = self._place[e]
+        if place.base is None and place.offset:
+            return self.ite(self.make("inside", (), (place.family, place.offset)), self.zero, self.one)
         if place.base is None:
             return self.var("i", place.family)
         node = self.make("var", (), (*self._variable[place.base], place.offset))

@@ -231,6 +231,15 @@ class Nodes:
                 found.add(data)
         return sorted(found)
 
+    def places(self, node: int, kind: str) -> list[tuple[int, int]]:
+        """(index, offset) of the variables of one kind that stand below a node: those of an element come first."""
+        found = {(a, 0) for a in self.variables(node, kind)}
+        for a in self.reach([node], through=True):
+            op, _, data = self.nodes[a]
+            if op == "var" and data[0] == kind and len(data) == 3:
+                found.add((data[1], data[2]))
+        return sorted(found, key=lambda place: (place[0], place[1] != 0, place[1]))
+
     def reach(self, roots, lazy: bool = False, through: bool = False, without=()) -> list[int]:
         """Nodes needed for `roots`, in order of evaluation; with `lazy`, without entering branches.
 

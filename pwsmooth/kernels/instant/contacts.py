@@ -57,7 +57,8 @@ def _open(S, R, j, order):
 
 @kernel
 def _find_touching(P, S, R, W):
-    """Overwrites `touching`, the contacts whose gap is 0, their `speed` and `at_rest`; returns how many.
+    """Overwrites `touching`, the contacts whose gap is 0, their `speed` and `at_rest`; returns how many, -1 for more
+    than there is room for.
 
     W.firing.switch_level holds the gaps before the updates of this instant.
     """
@@ -75,6 +76,8 @@ def _find_touching(P, S, R, W):
         ):
             _open(S, R, j, 0)  # an update has lifted the body off
         elif S.status[j] == SOLVED or W.instant.hit[j] or W.h[j] <= rounding:
+            if size == len(contacts.touching):
+                return -1
             contacts.touching[size] = j
             size += 1
     for a in range(size):
@@ -122,7 +125,9 @@ def _kick(P, S, W, j, impulse):
     """Gives the state an impulse at contact j: the rates are linear in R_j, whose factor is the direction."""
     mult = S.mult[j]
     S.mult[j] = -_HEAVY
-    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.contacts.after, W.h, W.g)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    for i in range(P.n):
+        W.contacts.after[i] = W.dx[i]  # what is given, in a patch of elements, stands in `dx` alone
     S.mult[j] = _HEAVY
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     S.mult[j] = mult
@@ -227,7 +232,7 @@ def _apart_from_single_impacts(P, S, W, size):
 def _collide(P, S, R, W, size):
     """Impacts of the touching contacts, those that act on each other together; whether they have a solution: a code."""
     contacts = W.contacts
-    approaching, together = False, False
+    approaching, together, first = False, False, -1
     for a in range(size):
         approaching = approaching or contacts.speed[a] < -contacts.at_rest[a]
     if not approaching:
@@ -240,12 +245,13 @@ def _collide(P, S, R, W, size):
         contacts.load[a] = contacts.speed[a]
         if contacts.speed[a] < -contacts.at_rest[a]:
             contacts.load[a] -= _rebound(P, S, W, contacts.touching[a])
-            together = together or _coupled(W.contacts, a, size)
+            if not together and _coupled(W.contacts, a, size):
+                together, first = True, a
     if together:
         if not _complementarity(W.contacts, size):
             return UNSOLVABLE
         if _apart_from_single_impacts(P, S, W, size) > 1e-9:
-            record_ambiguity(S, R, contacts.touching[0], AMB_IMPACTS, 0)
+            record_ambiguity(S, R, contacts.touching[first], AMB_IMPACTS, 0)
     for a in range(size):
         j, meets = contacts.touching[a], contacts.speed[a] < -contacts.at_rest[a]
         if together and _coupled(W.contacts, a, size):
@@ -420,6 +426,8 @@ def settle_contacts(P, S, R, W):
             _open(S, R, j, 3)  # R has come to 0, and d2h/dt2 with it
             W.instant.hit[j] = False
     size = _find_touching(P, S, R, W)
+    if size < 0:
+        return UNSOLVABLE
     code = _collide(P, S, R, W, size)
     if code < UNCHANGED:
         return code
@@ -440,7 +448,8 @@ def settle_contacts(P, S, R, W):
 def close_at_start(P, S, R, W):
     """Closes the contacts that touch at rest at the start of a run; whether forces do that: a code."""
     before = S.events
-    code = _settle_forces(P, S, R, W, _find_touching(P, S, R, W))
+    size = _find_touching(P, S, R, W)
+    code = _settle_forces(P, S, R, W, size) if size >= 0 else UNSOLVABLE
     S.events = before  # what holds from the start is no event
     return code
 

@@ -26,24 +26,24 @@ from ..step.steps import powers
 from ..surface.sliding import follow, mask_solved
 from ..trajectory import find_multipliers, propose
 from ..work import Work
-from .patch import (
+from .members import (
     begin_patch,
     close_rim,
-    degree_of,
-    gather,
     is_wall,
-    largest_change,
-    note_records,
     number_of,
     open_rim,
+    put_in_order,
     reach,
-    scatter,
-    state_at,
     take_in,
     take_in_cluster,
-    take_in_readers,
-    write_asked,
+    take_in_failing,
+    take_in_held,
+    take_in_rim_that_ends,
+    take_in_targets,
+    take_in_touching,
+    take_in_written,
 )
+from .patch import degree_of, gather, largest_change, note_records, scatter, state_at, write_asked
 from .queue import put_in_queue
 from .state import Assembly
 
@@ -56,7 +56,6 @@ _AROUND = 4  # links about them whose motion tells the orders in which a surface
 _DEEPEST = 40
 _EASY = 1e-4  # of what is allowed: a depth that leaves so little is more than enough
 _OFTEN = 24  # times
-_SOON = 0.25  # of the time ahead: what is read expires so early that it is renewed too
 _BRIEF = 1e-12  # of the time: too short for a step
 _LOOK, _REST = 8, 24  # slabs of a look at what a length costs, and looks before another length is tried
 _BETTER = 0.93
@@ -130,34 +129,6 @@ def _after_instant(A, S, t):
 
 
 @kernel
-def _take_in_targets(A, i):
-    """Takes in the elements that events of element i write; whether one was none of the members."""
-    T, E = A.patch, A.kind
-    count = T.count
-    for c in range(len(E.target)):
-        take_in(A, A.near[i, E.target[c]])
-    return T.count > count
-
-
-@kernel
-def _take_in_written(A, S, W):
-    """Takes in what members whose states have jumped may have written; True if those are more."""
-    T, E = A.patch, A.kind
-    if len(E.target) == 0:
-        return False
-    members, places, some = T.count, T.total, False
-    open_rim(A)
-    for k in range(members):
-        for b in range(E.ns):
-            if S.x[b * places + k] != W.firing.arrived[b * places + k]:
-                some = _take_in_targets(A, T.member[k]) or some
-                break
-    if not some:
-        close_rim(A)
-    return some
-
-
-@kernel
 def _keep_grazes(A, S, R, t):
     """Records what the members have grazed on polynomials that now end."""
     T, E = A.patch, A.kind
@@ -171,35 +142,6 @@ def _keep_grazes(A, S, R, t):
                 record_ambiguity(S, R, number_of(E, b, T.count, k), AMB_GRAZING, A.graze_crosses[i, b])
                 A.grazed[i, b] = math.inf
     S.t = t
-
-
-@kernel
-def _take_in_rim_that_ends(A, t, stop):
-    """Takes in what the members read of motions that end before long; True if there are any."""
-    T = A.patch
-    some = False
-    for k in range(T.count, T.total):
-        i = T.member[k]
-        if t < A.known[i] < t + _SOON * (stop - t):
-            some = True
-    if some:
-        last = T.total
-        ends = t + _SOON * (stop - t)
-        first = T.count
-        # Members grow over what they read: from behind, each is looked at before it is written over.
-        for k in range(first, last):
-            i = T.member[k]
-            T.mark[i] = 0
-        count = first
-        for k in range(first, last):
-            i = T.member[k]
-            if t < A.known[i] < ends:
-                T.mark[i] = 2 * T.stamp
-                T.slot[i] = count
-                T.member[count] = i
-                count += 1
-        T.count = T.total = count
-    return some
 
 
 @kernel
@@ -249,27 +191,19 @@ def _grow(A, C, W, t, why):
 
 
 @kernel
-def _take_in_failing(A):
-    T = A.patch
-    open_rim(A)
-    for k in range(T.count):
-        i = T.member[k]
-        if A.seen[i] == -1:
-            A.seen[i] = A.slabs
-            take_in_readers(A, i)
-
-
-@kernel
 def _renew(A, P, C, S, R, W, t, stop, why):
     """New polynomials of the members of the patch from t on, up to `stop` at most; a code."""
     T = A.patch
     settled, checked = why != EVENT or T.kept != 0, why == END_OF_SLAB
     first = T.kept == 0
     while True:
+        if why == EVENT and len(A.kind.between) > 0:
+            take_in_held(A)
+            put_in_order(A)
         if not close_rim(A) or not _has_room(A, P, S, R):
             return Outcome.OUT_OF_MEMORY
         # A first pass, up to the end of the span, tells how long steps are; it is done once more.
-        if first and A.slab > 0.0 and _take_in_rim_that_ends(A, t, stop):
+        if first and A.slab > 0.0 and take_in_rim_that_ends(A, t, stop):
             continue
         gather(A, P, C, S, W, t)
         _keep_grazes(A, S, R, t)
@@ -283,14 +217,23 @@ def _renew(A, P, C, S, R, W, t, stop, why):
         S.step = A.length[T.member[0]] if A.alone != 0 else C.t_end - t
         code = GO_ON
         if not settled and _prepare_instant(A, S, W, t):
+            if take_in_touching(A, P, S, W):
+                continue
             # What holds the members is that of the instant at which they were renewed: an instant asks for its own.
             mask_solved(P, S, W)
             follow(P, S, W)
             code = call_unit(P.instant_unit, P, C, S, R, W)
             A.instants += 1
-            if code >= GO_ON and _take_in_written(A, S, W):
+            if code >= GO_ON and take_in_written(A, S, W):
                 continue  # the instant once more, with those that its events reach
             _after_instant(A, S, t)
+            if code == GO_ON and S.t != t:
+                # An accumulation has been passed: what is read moves on to its limit too.
+                note_records(A, P, S, R)
+                scatter(A, P, S, W, T.count)
+                open_rim(A)
+                t, settled, T.kept = S.t, True, 1
+                continue
         settled = True
         while code == GO_ON or code == AGAIN:
             S.points = 0
@@ -319,7 +262,7 @@ def _renew(A, P, C, S, R, W, t, stop, why):
         if checked or brief or not _grow(A, C, W, t, why):
             break
         A.grown += 1
-        _take_in_failing(A)
+        take_in_failing(A)
     _keep(A, P, C, S, W, t, h)
     T.kept = 0
     return GO_ON
@@ -418,9 +361,12 @@ def _begin(A, P, C, S, R, W):
         for _ in range(_AROUND):
             if T.count < 4 * _CHUNK:
                 reach(A, 1)
-        if not close_rim(A) or not _has_room(A, P, S, R):
-            return Outcome.OUT_OF_MEMORY
-        gather(A, P, C, S, W, A.t)
+        while True:
+            if not close_rim(A) or not _has_room(A, P, S, R):
+                return Outcome.OUT_OF_MEMORY
+            gather(A, P, C, S, W, A.t)
+            if not take_in_touching(A, P, S, W):
+                break
         S.started = 0
         S.step = min(1e-3, C.max_step)
         S.side[:] = 1
@@ -539,8 +485,10 @@ def _meets_now(A, t):
     """Makes the elements whose key is t, to rounding, the members; why they are renewed."""
     T, Q, E = A.patch, A.queue, A.kind
     limit = t + AT_ONCE * abs(t)
-    # Where no element knows of another some come after the others, as the instant looks at all of its members.
-    most = _CHUNK if A.alone != 0 and E.together == 0 else len(A.begun)
+    # Where no element knows of another some come after the others, as the instant looks at all of its members; and of
+    # contacts: those that act on each other touch, so that they are found whoever comes first.
+    alone = A.alone != 0 and E.together == 0
+    most = _CHUNK if alone else _CHUNK // 4 if len(E.contact) > 0 else len(A.begun)
     begin_patch(A)
     # Down the heap as long as keys are that early; the members so far are the places still to look at.
     take_in(A, Q.heap[0])
@@ -572,7 +520,7 @@ def _act(A, P, C, S, R, W):
         else:
             T.why = _meets_now(A, t)
             for k in range(T.count if T.why == EVENT else 0):
-                _take_in_targets(A, T.member[k])
+                take_in_targets(A, T.member[k])
             if T.why == EXPIRY:
                 if t >= A.slab_end:
                     for k in range(T.count):
@@ -611,7 +559,7 @@ def _finish(A, P, C, S, R, W):
                 mask_solved(P, S, W)
                 if follow(P, S, W):
                     for b in range(A.kind.nm):
-                        A.mult[i, b] = S.mult[number_of(A.kind, b, 1, 0)]
+                        A.mult[i, b] = S.mult[number_of(A.kind, b, A.patch.count, 0)]
     begin_patch(A)
     for i in range(len(A.begun)):
         if A.fresh[i] != stamp:

@@ -18,6 +18,7 @@ from ..machine.pointers import at, call_fields, call_linear
 from ..state import HELD, SLIDING, SOLVED
 from ..step.roots import NO_ROOT
 from ..step.steps import dot, powers
+from .members import number_of
 
 _GIVEN = 1e300  # absolute tolerance of a motion that is given
 _AT_ONCE = 1e-12  # of the time: what an element was left with so shortly ago still stands
@@ -34,112 +35,7 @@ def _put_at(typingctx, address, value):
     return types.void(types.int64, types.int64), codegen
 
 
-# ---- members, and what they read
-
-
-@kernel
-def begin_patch(A):
-    A.patch.stamp += 1
-    A.patch.count = A.patch.total = 0
-
-
-@kernel
-def take_in(A, i):
-    """Makes element i a member."""
-    T = A.patch
-    if T.mark[i] != 2 * T.stamp:
-        T.mark[i] = 2 * T.stamp
-        T.slot[i] = T.count
-        T.member[T.count] = i
-        T.count += 1
-
-
-@kernel
-def is_wall(A, i):
-    """Whether element i sticks such that what happens on one side of it does not reach the other."""
-    if A.kind.walls == 0:
-        return False
-    for j in range(A.kind.nm):
-        if A.kind.kind[j] == SLIDING and A.status[i, j] != SOLVED:
-            return False
-    return True
-
-
-@kernel
-def take_in_readers(A, i):
-    for e in range(A.reader_first[i], A.reader_first[i + 1]):
-        take_in(A, A.reader[e])
-
-
-@kernel
-def reach(A, depth):
-    """Takes in what the members reach over so many links, through elements that move."""
-    first, last = 0, A.patch.count
-    for level in range(depth):
-        for k in range(first, last):
-            i = A.patch.member[k]
-            if level == 0 or not is_wall(A, i):
-                take_in_readers(A, i)
-        first, last = last, A.patch.count
-        if first == last:
-            break
-
-
-@kernel
-def take_in_cluster(A):
-    """Takes in all that is linked with the members through elements that move."""
-    k = 0
-    while k < A.patch.count:
-        i = A.patch.member[k]
-        if not is_wall(A, i):
-            take_in_readers(A, i)
-            for r in range(A.kind.nr):
-                take_in(A, A.near[i, r])
-        k += 1
-
-
-@kernel
-def open_rim(A):
-    """Forgets what the members read of others, which may be taken in now."""
-    T = A.patch
-    for k in range(T.count, T.total):
-        if T.mark[T.member[k]] == 2 * T.stamp + 1:
-            T.mark[T.member[k]] = 0
-    T.total = T.count
-
-
-@kernel
-def close_rim(A):
-    """Finds what the members read of others; False where there is no room for so many."""
-    T, nr = A.patch, A.kind.nr
-    T.total = T.count
-    for k in range(T.count):
-        i = T.member[k]
-        for r in range(nr):
-            j = A.near[i, r]
-            if T.mark[j] < 2 * T.stamp:
-                T.mark[j] = 2 * T.stamp + 1
-                T.slot[j] = T.total
-                T.member[T.total] = j
-                T.total += 1
-    if T.total > T.most:
-        T.needs = T.total
-        return False
-    for k in range(T.count):
-        i = T.member[k]
-        T.number[k] = i + 1.0
-        for r in range(nr):
-            T.near[nr * k + r] = float(T.slot[A.near[i, r]])
-    return True
-
-
 # ---- the small system
-
-
-@inlined_kernel
-def number_of(E, s, M, k):
-    """Number of surface s of member k: some belong to all elements."""
-    return E.s_fixed[s] + E.s_blocks[s] * M + (k if E.s_own[s] else 0)
 
 
 @kernel
@@ -150,6 +46,16 @@ def _row(A, block, own, fixed, k, members, places):
     ns = A.kind.ns
     states = min(block, ns)
     return fixed + states * places + (block - states) * members + (k if own else 0)
+
+
+@kernel
+def _place_near(A, k, column, below):
+    """Place of a neighbour of member k, its own where there is none below this number."""
+    T = A.patch
+    if column < 0:
+        return k
+    place = int(T.near[A.kind.nr * k + column])
+    return place if place < below else k
 
 
 @kernel
@@ -170,6 +76,8 @@ def shape(A, P, C, W):
     if T.shaped[0] == M and T.shaped[1] == places:
         return
     T.shaped[0], T.shaped[1] = M, places
+    if E.reads_between != 0 or len(E.contact) > 0:
+        T.shaped[0] = -1  # which entries of its surfaces' gradients are whose, is another matter in every patch
     for c in range(T.cell.shape[0]):
         _put_at(T.cell[c, 0], T.cell[c, 1] + T.cell[c, 2] * M + T.cell[c, 3] * places)
     nm, ne = E.nm, E.ne
@@ -192,12 +100,12 @@ def shape(A, P, C, W):
             P.surface_state[j] = E.surface_state[b] * places + k if E.surface_state[b] >= 0 else -1
             P.g_row[j], P.link_row[j] = at_g, at_link
             for e in range(E.g_first[b], E.g_first[b + 1]):
-                if E.g_block[e] == b:
+                if E.g_block[e] == b and E.g_near[e] < 0:
                     P.g_diagonal[j] = at_g
-                P.g_col[at_g] = number_of(E, E.g_block[e], M, k)
+                P.g_col[at_g] = number_of(E, E.g_block[e], M, _place_near(A, k, E.g_near[e], M))
                 at_g += 1
             for e in range(E.link_first[b], E.link_first[b + 1]):
-                P.link_col[at_link] = number_of(E, E.link_block[e], M, k)
+                P.link_col[at_link] = number_of(E, E.link_block[e], M, _place_near(A, k, E.link_near[e], M))
                 at_link += 1
     P.g_row[P.m], P.link_row[P.m] = at_g, at_link
     for g in range(len(E.group_first) - 1):
@@ -207,17 +115,27 @@ def shape(A, P, C, W):
             for e in range(E.group_first[g], E.group_first[g + 1]):
                 P.block_member[at_group] = number_of(E, E.group_block[e], M, k)
                 at_group += 1
+    if len(E.coupled) > 0:
+        P.block_row[group] = at_group
+        group += 1
+        for k in range(M):
+            for e in range(len(E.coupled)):
+                P.block_member[at_group] = number_of(E, E.coupled[e], M, k)
+                at_group += 1
     P.block_row[group] = at_group
     for b in range(nm + ne):
         for k in range(M if E.s_own[b] else 1):
             i = number_of(E, b, M, k)
             P.dh_row[i] = at_dh
             for e in range(E.dh_first[b], E.dh_first[b + 1]):
-                P.dh_col[at_dh] = E.dh_block[e] * places + k
+                P.dh_col[at_dh] = E.dh_block[e] * places + _place_near(A, k, E.dh_near[e], places)
                 at_dh += 1
             P.rows_slip[i] = _row(A, E.surface_slip[b], E.own_slip[b], E.of_slip[b], k, M, places)
             P.rows_general[i] = _row(A, E.surface_general[b], E.own_general[b], E.of_general[b], k, M, places)
     P.dh_row[P.m + P.ne] = at_dh
+    for b in range(len(E.contact)):
+        for k in range(M):
+            P.contact[b * M + k] = number_of(E, E.contact[b], M, k)
     for b in range(ne):
         for k in range(M):
             i = number_of(E, nm + b, M, k) - P.m
@@ -363,6 +281,7 @@ def gather(A, P, C, S, W, t):
             row = W.step.rows[b * places + k]
             shifted(A, A.row[i, b], t - A.begun[i], K, row)
             S.x[b * places + k] = row[0]
+            W.dx[b * places + k] = row[1]  # the generated rates are those of the members
     if some:
         _keep_on_surfaces(A, P, S, W)
 

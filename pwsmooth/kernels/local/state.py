@@ -33,7 +33,7 @@ class Kind(Bundle):
     timed: "i8[nt]"  # events at given times
     at_first: "i8[nt + 1]"
     at: "f8[:]"  # instants of those that have them one by one
-    target: "i8[:]"  # columns of the neighbours that events write
+    target: "i8[:]"  # columns of the neighbours that events and impacts write
     read: "i8[nx]"  # states that neighbours read
     kind: "i8[nm]"
     hidden: "i8[nm]"
@@ -42,12 +42,20 @@ class Kind(Bundle):
     surface_state: "i8[nm]"
     g_first: "i8[nm + 1]"
     g_block: "i8[:]"
+    g_near: "i8[:]"  # in which neighbour: a column of `near`, -1 for the element itself
     link_first: "i8[nm + 1]"
     link_block: "i8[:]"
+    link_near: "i8[:]"
     group_first: "i8[:]"
     group_block: "i8[:]"
     dh_first: "i8[nm + ne + 1]"
     dh_block: "i8[:]"
+    dh_near: "i8[:]"
+    contact: "i8[:]"  # blocks of contacts, and of those between neighbours
+    between: "i8[:]"
+    coupled: "i8[:]"  # blocks of multipliers of which those of neighbours act on each other
+    reads_between: "int"  # 1: surfaces read neighbours
+    acts_between: "int"  # 1: and what happens there acts on states
     surface_slip: "i8[nm + ne]"  # blocks of elements before the surface's row, -1 where it has none
     surface_general: "i8[nm + ne]"
     of_slip: "i8[nm + ne]"  # rows of the whole before it

@@ -11,11 +11,18 @@ O(n), not O(n^3).
 from ..machine.compiling import kernel
 from ..state import CROSSING, KINK, SOLVED
 
+_SHORT = 16  # entries of a row, up to which one is as soon found by looking at all
+
 
 @kernel
 def entry(row, col, values, i, j):
     """Entry (i, j) of a sparse matrix."""
     lo, hi = row[i], row[i + 1]
+    if hi - lo <= _SHORT:  # perhaps in no order: in a patch of elements (kernels/local)
+        for e in range(lo, hi):
+            if col[e] == j:
+                return values[e]
+        return 0.0
     while lo < hi:
         mid = (lo + hi) // 2
         if col[mid] < j:
@@ -144,6 +151,8 @@ def solve_masked(P, W):
         for k in range(P.block_row[q], P.block_row[q + 1]):
             j = P.block_member[k]
             if mask[j]:
+                if size == A.shape[0]:
+                    return False
                 index[size] = j
                 size += 1
         if size == 0:
@@ -164,7 +173,8 @@ def solve_masked(P, W):
                 j = col[e]
                 if mask[j]:
                     # Hubs have their own count of places; no member of another group stands here.
-                    A[r, place[j] + (size + 1 if hubs and _is_hub(P, j) else 0)] = G[e]
+                    # Of neighbours that are none the entries are 0, and stand where the element's own does.
+                    A[r, place[j] + (size + 1 if hubs and _is_hub(P, j) else 0)] += G[e]
         for r in range(size):
             place[index[r]] = -1
         if not solve_dense(A, size, 1 + hubs):
