@@ -469,7 +469,7 @@ def _misfit(P, C, S, W, h):
         for c in range(STAGES - 1, 0, -1):
             slope = slope * s + c * rows[i, c]
         scale = C.atol[i] + C.rtol * max(abs(S.x[i]), h * abs(rows[i, 1]))
-        defect = max(0.0, abs(slope - W.dx[i]) - _rate_rounding(W, i)) * h / (_DEFECT * scale)
+        defect = (abs(slope - W.dx[i]) - _rate_rounding(W, i)) * h / (_DEFECT * scale)
         if not defect < math.inf:
             return math.inf
         worst = max(worst, defect)
