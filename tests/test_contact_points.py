@@ -90,6 +90,25 @@ def test_it_gives_way_where_no_forces_hold_it():
     assert solution.events[0].time == pytest.approx(brentq(share, 1.5, 2.5, xtol=1e-12), abs=1e-7)
 
 
+@pytest.mark.parametrize("rtol", [1e-7, 1e-9, 1e-11])
+def test_it_gives_way_at_the_same_time_at_every_tolerance(rtol):
+    """Of a load that grows from 0 it is 1/max_w load.w / sum_k strength_k |velocity of point k in the motion w|."""
+    points, strengths = ((-1.965, -1.13), (1.463, -0.245), (1.911, -0.361)), (0.518, 0.071, 0.317)
+    load = np.array([0.05, 0.3, 0.45])
+
+    def held(motion):
+        speeds = [np.hypot(motion[0] - motion[2] * py, motion[1] + motion[2] * px) for px, py in points]
+        return -(load @ motion) / np.dot(strengths, speeds)
+
+    starts = np.random.default_rng(1).normal(size=(12, 3))
+    tight = {"xatol": 1e-13, "fatol": 1e-15, "maxiter": 4000}
+    expected = -1 / min(minimize(held, w_0, method="Nelder-Mead", options=tight).fun for w_0 in starts)
+    system = body(points, [float(value) * t for value in load], strengths)
+    solution = solve(system, (0, 1.2 * expected), [0] * 6, rtol=rtol, atol=1e-2 * rtol)
+    assert solution.success
+    assert solution.event_times("slip by tangency")[0] == pytest.approx(expected, rel=1e-11)
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_random_bodies_beside_their_smoothed_view(seed):
     random = np.random.default_rng([11, seed])

@@ -15,7 +15,7 @@ from numba import types
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_fields, call_linear, call_newton
 from ..state import DISC, SOLVED, START, Control, Problem, State
-from ..surface.dependent import gather_leaving, pace_of_leaving
+from ..surface.dependent import gather_leaving, load_of_leaving, pace_of_leaving
 from ..surface.sliding import INSIDE, mask_solved, put_in_slip
 from ..surface.sparse import factor_dense, solve_dense, solve_factored
 from ..surface.vector import begins, push_of_disc, slopes_of_disc
@@ -539,11 +539,12 @@ def onset(P, C, S, W, longest):
     if start.rests and not start.goes_on:
         ahead = _AHEAD * longest
         _go_along(P, S, W, t, ahead)
+        excess = load_of_leaving(P, S, W) - 1.0 if start.as_one else 0.0
         for j in range(P.m):
-            if begins(P, S, j) and start.forced[j]:
-                excess = _follow_force(P, S, W, j)
-                if excess > 0.0:
-                    h = min(h, stiff * ahead / excess)
+            if begins(P, S, j) and start.forced[j] and not start.as_one:
+                excess = max(excess, _follow_force(P, S, W, j))
+        if excess > 0.0:
+            h = min(h, stiff * ahead / excess)
         S.t = t
     again = False
     for _ in range(_TRIES):

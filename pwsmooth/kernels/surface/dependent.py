@@ -289,6 +289,13 @@ def gather_leaving(P, S, W):
 
 
 @kernel
+def load_of_leaving(P, S, W):
+    """The largest |lambda_k| at the least with which that group would still be held."""
+    residuals(P, S, W, W.together.size)
+    return least_load(P, S, W, W.together.rank)
+
+
+@kernel
 def pace_of_leaving(P, S, W):
     """d/dt of the common factor of all h of that group, which are as W.together.move.
 
@@ -298,8 +305,7 @@ def pace_of_leaving(P, S, W):
     """
     group, q, rank, A = W.together, W.together.size, W.together.rank, W.together.matrix
     largest = 0.0
-    residuals(P, S, W, q)
-    load = least_load(P, S, W, rank)
+    load = load_of_leaving(P, S, W)
     if not 0.0 < load < math.inf:
         return math.nan
     i = 0
