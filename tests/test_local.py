@@ -173,6 +173,31 @@ def test_elements_without_links_are_so_many_runs_to_the_bit(systems):
         assert [e.time for e in of] == alone.events.times.tolist()
 
 
+def sliders(n):
+    """Rate and state with the aging law, a.01 b.02: log of speed and of state, in D_c/V_pl; an event at 2.2e4 V_pl."""
+    family = Family(n)
+    speed, state = family.symbols("w p")
+    moves, ages = sp.exp(speed), sp.exp(-state)
+    pull = sp.Rational(1, 500) * (1 - moves) - sp.Rational(1, 50) * (ages - moves)
+    rates = {state: ages - moves, speed: pull / (sp.Rational(1, 100) + 5.4e-11 * moves)}
+    return System(rates, events=[Event(speed - 10, direction=1)]), speed, state
+
+
+def test_sliders_that_creep_cost_nothing_while_one_slips(counted):
+    """Over 19 decades of speed each element takes the steps that it would take alone."""
+    system, speed, state = sliders(60)
+    start, asked = (
+        {speed: -1 - 0.01 * np.arange(60), state: 0},
+        {"rtol": 1e-11, "atol": 1e-11, "max_steps": 10**6},
+    )
+    run, renewed = counted(system, (0, 700), start, **asked)
+    times = np.array([event.time for event in run.events]).reshape(-1, 60)
+    assert np.diff(times, axis=0)[1:] == pytest.approx(132.8624314, abs=1e-6)
+    alone, speed, state = sliders(1)
+    one = solve(alone, (0, 700), {speed: -1, state: 0}, **asked)
+    assert len(one.events) == len(times) and renewed < 65 * one.cost["steps"]
+
+
 def test_a_mirrored_chain_moves_as_a_mirror_image(systems):
     n, i = 60, np.arange(60)
     strengths, places = 1 + 0.06 * ((7 * i) % 5), 0.3 * np.sin(1.7 * i + 0.3)
