@@ -10,7 +10,15 @@ from scipy.integrate import solve_ivp
 
 from pwsmooth import Recorder
 from pwsmooth.laws.friction import Coulomb, MaxwellSlip, StaticKinetic, VelocityWeakening
-from pwsmooth.scenes import block_lattice, block_train, element_cloud, firing_lattice, granular_chain, t
+from pwsmooth.scenes import (
+    block_lattice,
+    block_train,
+    element_cloud,
+    firing_lattice,
+    granular_chain,
+    rate_state_train,
+    t,
+)
 
 TIGHT = {"rtol": 1e-12, "atol": 1e-14}
 V = 0.1
@@ -160,3 +168,25 @@ def test_a_cradle_of_springs_or_of_rigid_balls_hands_its_speed_on():
         granular_chain(stiffness=1.0, restitution=0.5)
     with pytest.raises(ValueError, match="give 0 to 1"):
         granular_chain(restitution=1.5)
+
+
+@pytest.mark.parametrize(("k", "grows"), [(1.05, False), (0.95, True)])
+def test_creep_of_sliders_is_stable_above_the_critical_stiffness(k, grows):
+    scene = rate_state_train(n=4, k=k, coupling=0.3)
+    run = scene.solve((0, 120), {"log_rate": 1e-6, "log_state": 0.0})
+    sizes = np.abs(run["log_rate_1"])
+    assert (sizes[-20:].max() > sizes[:20].max()) == grows
+    assert run.x[:4, -1] == pytest.approx(run.x[0, -1], abs=1e-12)
+
+
+def test_sliders_slip_one_by_one_unless_their_springs_let_only_all_of_them():
+    n = 6
+    together = 0.8 / (4 * np.sin(np.pi / (2 * n)) ** 2)
+    spans = []
+    for coupling in (0.0, 2 * together):
+        run = rate_state_train(n=n, coupling=coupling).solve((0, 1400))
+        times = np.array([event.time for event in run.events])[-n:]
+        spans.append(np.ptp(times))
+    assert spans[0] > 0.1 and spans[1] < 1e-6
+    with pytest.raises(ValueError, match=r"`a` is 0\.03, `b` 0\.02; give a < b"):
+        rate_state_train(a=0.03)

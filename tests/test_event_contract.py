@@ -464,3 +464,13 @@ def test_a_surface_that_jumps_with_the_switch_inside_it_lets_go_of_its_slide():
         ("slip by reset", pytest.approx(1)), ("stick", pytest.approx(5)),
     ]  # fmt: skip
     assert solution["y"][-1] == pytest.approx(-0.5, abs=1e-12)
+
+
+@pytest.mark.parametrize("late", [1e4, 1e6])
+def test_a_fast_motion_does_not_leap_to_a_surface_that_it_never_meets(late):
+    """It falls to 1/2, at a rate at which its tangent meets 2/5 within 1e-11 of the time."""
+    fall = 1e13 / late  # the time has a thousand numbers in one of its own
+    system = System({y: fall * (HALF - y)}, events=[Event(y - sp.Rational(2, 5), terminal=True)])
+    solution = solve(system, (late, late + 5 / fall), [1.0])
+    assert solution.success and not solution.events
+    assert solution["y"][-1] == pytest.approx(0.5 + 0.5 * math.exp(-5), rel=1e-2)

@@ -234,7 +234,7 @@ def propose(P, C, S, R, W):
         h = 0.0  # a start within rounding of a fold: the series in t have no finite coefficients
     unsure = 0 if step.kind == PAIR or step.kind == START else P.look_general if step.sliding else P.look_slip
     if h < _ROUNDING * span:
-        to_surface = reach_singular_surface(P, S, W, h)
+        to_surface = reach_singular_surface(P, C, S, W, h)
         if to_surface != h:
             h, unsure = to_surface, 0  # linear
     if arcs:

@@ -1,6 +1,13 @@
 """Scenes: mechanism + law + drive; the contract is in scene.py."""
 
-from .assemblies import block_lattice, block_train, element_cloud, firing_lattice, granular_chain
+from .assemblies import (
+    block_lattice,
+    block_train,
+    element_cloud,
+    firing_lattice,
+    granular_chain,
+    rate_state_train,
+)
 from .drive import t
 from .impact import falling_ball, free_impact, grazing_amplitude, impact_oscillator, pressed_block
 from .planar import bristle_bot, incline, planar_oscillator, pulled_block, shaken_plate
@@ -43,6 +50,7 @@ __all__ = [
     "stacked_plates",
     "pressed_block",
     "pulled_block",
+    "rate_state_train",
     "shaken_plate",
     "t",
 ]

@@ -4,6 +4,8 @@
     u_i' = drive - leak u_i;   at u_i = 1 it fires: u_i = 0, and each neighbour gets share u_i
     m_i x_i'' = R_(i-1) - R_i,   0 <= gap + x_(i+1) - x_i  complementary to  R_i >= 0          balls in a row
 
+    V_i of rate-and-state friction, quasi-dynamic: creep and slip over 19 decades of speed      sliders in a row
+
 They are small enough for a page by default; with `record=` a run of a hundred thousand elements is one of seconds.
 """
 
@@ -329,6 +331,87 @@ def granular_chain(
                "momentum": "kg m/s"},
         note="Newton's law of impact, from ball to ball",
         sketch=sketches.row_of_balls(names, gap) if names else None,
+    )  # fmt: skip
+
+
+@door(
+    n=checks.integer(2, 10**7), periodic=checks.flag, seed=checks.integer(0, 2**31), coupling=checks.nonnegative,
+    rough=checks.nonnegative, **dict.fromkeys(("k", "a", "b", "damping"), checks.positive),
+)  # fmt: skip
+def rate_state_train(
+    *, n: int = 10, k: float = 0.2, coupling: float = 0.1, a: float = 0.01, b: float = 0.02, damping: float = 5.4e-11,
+    rough: float = 0.5, seed: int = 0, periodic: bool = False, t_span: tuple[float, float] = (0.0, 400.0),
+) -> Scene:  # fmt: skip
+    """Sliders of rate-and-state friction in a row, pulled at one speed: do they slip together, or one by one?
+
+    Parameters
+    ----------
+    n : int
+        Sliders, at least 2.
+    k : float, dimensionless
+        Spring of each to what pulls, of the critical stiffness (b - a) sigma/D_c, > 0.
+    coupling : float, dimensionless
+        Spring between neighbours, of the same, >= 0.
+    a, b : float, dimensionless
+        Direct effect and evolution of friction, 0 < a < b.
+    damping : float, dimensionless
+        By waves that run away: of the stress at the speed of the pull, over sigma; > 0.
+    rough : float, dimensionless
+        Largest log of the initial speeds, drawn at random, >= 0.
+    seed : int
+        Of these.
+    periodic : bool
+        The last slider is a neighbour of the first.
+    t_span : (float, float), in D_c over the speed of the pull
+        Suggested span.
+
+    Returns
+    -------
+    Scene
+        States `log_rate` and `log_state` of each slider, logs of its speed over that of the pull and of the age of its
+        contacts; output `mean_rate`. An event `slip` where a speed rises to e^10 of the pull's.
+
+    Raises
+    ------
+    ValueError
+        An a that is not less than b: nothing weakens.
+
+    Notes
+    -----
+    Steady creep is stable if k >= 1; below, modes of the row with k + 4 coupling sin^2(pi m/(2 n)) < 1 grow (m = 0 is
+    all alike), so that a coupling of (1 - k)/(4 sin^2(pi/(2 n))) and more leaves only the one in which all slip
+    together.
+
+    Source: Ruina, J. Geophys. Res. 88 (1983) 10359-10370 (critical stiffness); Rice, J. Geophys. Res. 98 (1993)
+    9885-9907 (quasi-dynamic damping).
+
+    Examples
+    --------
+    >>> from pwsmooth.scenes import rate_state_train
+    >>> run = rate_state_train(n=5, rough=0).solve((0, 300))
+    >>> print(len(run.events), f"{run.events[5].time - run.events[0].time:.4f}")
+    15 132.8624
+    """
+    if not a < b:
+        raise ValueError(f"`a` is {a:g}, `b` {b:g}; give a < b, so that friction weakens.")
+    family = Family(n, periodic=periodic)
+    rate, state = family.symbols("log_rate log_state")
+    own, beside, direct, evolution, loss = sp.symbols("k coupling a b damping", nonnegative=True)
+    moves, ages = sp.exp(rate), sp.exp(-state)
+    stretch = sum(sp.exp(family.neighbour(rate, side)) - moves for side in (-1, 1))
+    load = (evolution - direct) * (own * (1 - moves) + beside * stretch)
+    rates = {state: ages - moves, rate: (load - evolution * (ages - moves)) / (direct + loss * moves)}
+    system = System(
+        rates, parameters={own: k, beside: coupling, direct: a, evolution: b, loss: damping},
+        events=[Event(rate - 10, direction=1, name="slip")], outputs={"mean_rate": family.sum(moves) / n},
+    )  # fmt: skip
+    start = dict.fromkeys(system.groups["log_state"], 0.0)
+    speeds = rough * np.random.default_rng(seed).uniform(-1, 1, n) - 1
+    return Scene(
+        "sliders in a row", system, start | dict(zip(system.groups["log_rate"], speeds.tolist())), t_span,
+        observables={"mean_rate": "mean_rate"},
+        units=dict.fromkeys(("log_rate", "log_state", "k", "coupling", "a", "b", "damping", "mean_rate"), "1"),
+        note="Ruina, J. Geophys. Res. 88 (1983) 10359-10370; Rice, J. Geophys. Res. 98 (1993) 9885-9907",
     )  # fmt: skip
 
 

@@ -210,8 +210,18 @@ def refine_by_pair(P, C, S, W, h):
 
 
 @kernel
-def reach_singular_surface(P, S, W, h):
-    """A step of rounding size that ends on a surface where a power has its branch point: linear terms suffice.
+def _is_linear(P, C, W, s):
+    """Whether the second-order terms of the states are within the tolerance at s."""
+    rows = W.step.rows
+    for i in range(P.n):
+        if not abs(rows[i, 2]) * s * s <= C.atol[i] + C.rtol * abs(rows[i, 0]):
+            return False
+    return True
+
+
+@kernel
+def reach_singular_surface(P, C, S, W, h):
+    """A step of rounding size that ends on a surface where a power has its branch point, if linear terms suffice.
 
     There the Taylor steps shrink with the distance left (delta^1.5 at release) and would never arrive.
     """
@@ -221,7 +231,7 @@ def reach_singular_surface(P, S, W, h):
         row = all_rows[i]
         if row >= 0 and rows[row, 1] != 0.0:
             left = -rows[row, 0] / rows[row, 1]
-            if 0.0 < left < reach:
+            if 0.0 < left < reach and _is_linear(P, C, W, left):
                 # Rows further behind are what the programs keep from call to call.
                 top = max(P.n, mult_row + P.m)
                 for k in range(P.m + P.ne):
