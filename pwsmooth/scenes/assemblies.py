@@ -342,7 +342,7 @@ def rate_state_train(
     *, n: int = 10, k: float = 0.2, coupling: float = 0.1, a: float = 0.01, b: float = 0.02, damping: float = 5.4e-11,
     rough: float = 0.5, seed: int = 0, periodic: bool = False, t_span: tuple[float, float] = (0.0, 400.0),
 ) -> Scene:  # fmt: skip
-    """Sliders of rate-and-state friction in a row, pulled at one speed: do they slip together, or one by one?
+    """Sliders of rate-and-state friction in a row, which creep, slip and load each other.
 
     Parameters
     ----------
@@ -362,8 +362,8 @@ def rate_state_train(
         Of these.
     periodic : bool
         The last slider is a neighbour of the first.
-    t_span : (float, float), in D_c over the speed of the pull
-        Suggested span.
+    t_span : (float, float), dimensionless
+        Suggested span, in D_c over the speed of the pull.
 
     Returns
     -------
