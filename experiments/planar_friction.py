@@ -351,7 +351,7 @@ def draw(data):
         places = np.arange(len(ratios)) + 0.36 * (k - 0.5)
         below.bar(places, ratios, 0.34, color=COLOUR[colour], label=f"rtol = {rtol:g}")
         for place, r in zip(places, ratios):
-            below.text(place, r + 0.2, f"{r:.1f}", ha="center", fontsize=7,
+            below.text(place, r + 0.45, f"{r:.1f}", ha="center", fontsize=7,
                        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6})  # fmt: skip
     below.axhline(8, color="0.4", linewidth=0.8, linestyle="--", zorder=0)
     below.set_xticks(range(len(drives)), [d.replace(", ", "\n") for d in drives], fontsize=7)
