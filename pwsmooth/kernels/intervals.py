@@ -7,10 +7,22 @@ and the last four ratios of intervals, the newest first.
 
 import math
 
-from .machine.compiling import kernel
+from .machine.compiling import inlined_kernel, kernel
 
 _LAST_EVENTS = 1e-9  # much closer, a bounce of an event disappears in the roundings of its surface
 _LOST_EVENTS = 1e-3  # and less close not: a surface that is met without a slope hugs zero as well
+
+
+@inlined_kernel
+def time_size(S):
+    """What a tolerance of time is relative to: the time, and near 0 the length of the run, at most 1."""
+    return S.unit + abs(S.t)
+
+
+@inlined_kernel
+def pace(S):
+    """The time by which rates are told from 0: the unit of time, and more where steps are longer."""
+    return max(S.unit, S.step)
 
 
 @kernel
@@ -57,12 +69,13 @@ def _alike(q, other):
 
 
 @kernel
-def time_to_last_event(last, lost):
+def time_to_last_event(last, lost, size):
     """Time from the last instant to the limit of the events of these intervals, if it is all but reached; else inf.
 
-    `lost`: the surface stays within its roundings between them, as far from the origin that of a bounce does sooner.
+    Close is relative to `size` (time_size). `lost`: the surface stays within its roundings between them, as far from
+    the origin that of a bounce does sooner.
     """
-    close = (_LOST_EVENTS if lost else _LAST_EVENTS) * (1.0 + abs(last[0]))
+    close = (_LOST_EVENTS if lost else _LAST_EVENTS) * size
     left = time_left(last)
     if left <= close:
         return left

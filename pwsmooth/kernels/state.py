@@ -166,6 +166,7 @@ class State(Bundle):
 
     t: "float"
     step: "float"  # length of the last one
+    unit: "float"  # of time, for tolerances near t = 0: the length of the run, at most 1
     x: "f8[n]"
     mult: "f8[m]"
     status: "i8[m]"

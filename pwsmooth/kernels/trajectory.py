@@ -27,6 +27,7 @@ from .instant.invariants import CHECK, broken_by
 from .instant.settling import release_held
 from .instant.surface_rates import any_is, keep_sliding
 from .instant.twofolds import two_fold
+from .intervals import time_size
 from .machine.compiling import inlined_kernel, kernel, loop_kernel, unit
 from .machine.pointers import at, call_onset, call_unit
 from .outcome import Outcome
@@ -166,7 +167,7 @@ def _find_roots(P, C, S, R, W):
         if folds:
             _remember_multipliers(P, S, W)
         if not follow(P, S, W):
-            vanished = P.pair != 0 and S.step < _ROUNDING * (1.0 + abs(S.t))
+            vanished = P.pair != 0 and S.step < _ROUNDING * time_size(S)
             return _leave_by_a_fold(P, C, S, R, W, vanished) if folds else Outcome.SINGULAR
     W.instant.solved_there = 0
     for j in range(P.m):
@@ -190,7 +191,7 @@ def _leave_by_a_fold(P, C, S, R, W, clear):
     """From W.arc.mult_before, where Newton's method loses a root or the step vanishes (a pair's: `clear`): a code."""
     code = lost_at_a_fold(P, C, S, R, W, clear)
     if clear and code == NOTHING:
-        S.step = 1e-6 * (1.0 + abs(S.t))  # behind it nothing is singular
+        S.step = 1e-6 * time_size(S)  # behind it nothing is singular
     return call_unit(P.instant_unit, P, C, S, R, W) if code == NOTHING else code
 
 
@@ -205,7 +206,7 @@ def propose(P, C, S, R, W):
     S.jets += 1
     S.steps += 1
     step.start, step.time_row, step.fold, step.toward, step.stop = S.t, -1, -1, 0, next_stop(C, S)
-    span, h, singular = 1.0 + abs(S.t), math.nan, False
+    span, h, singular = time_size(S), math.nan, False
     from_rest = P.discs != 0 and _begins_to_slip(P, S)
     if from_rest:
         W.onset.least = 0.0
@@ -360,7 +361,7 @@ def find_end(P, C, S, R, W):
         fraction, happened, end.stopped = first_graze(P, W), False, 0
         end.last_graze = fraction
     length = fraction * h
-    if happened and step.kind == PAIR and h > 1e-11 * (1.0 + abs(step.start)):
+    if happened and step.kind == PAIR and h > 1e-11 * time_size(S):
         length = refine_by_pair(P, C, S, W, length)
         fraction = 0.5  # its powers are to be made
     end.touched = LEFT if folded else 0

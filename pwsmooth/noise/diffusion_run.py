@@ -180,7 +180,8 @@ class Path(EventDriven):
 
         owner = self.owner
         step = owner.noise.step
-        control, state = self.timed(first * step, last * step, owner.values), self.begin(first * step, start)
+        t0, t1 = first * step, last * step
+        control, state = self.timed(t0, t1, owner.values), self.begin(t0, t1, start)
         noise = owner.bundle()
         noise.interval, noise.last, noise.trajectory, noise.recording = first, last, owner.noise.trajectory, 1
         diffuse = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6)(unit_address("diffuse"))

@@ -208,11 +208,11 @@ class EventDriven:
         """First buffers of runs to come; what a large system records is given back after every run."""
         self.room, self.record = room, self._record(room) if self._bytes(room) <= _KEPT_BYTES else None
 
-    def begin(self, t0: float, start: Any) -> Any:
+    def begin(self, t0: float, t1: float, start: Any) -> Any:
         """The kernel's State before its first step (kernels/sweeping makes the same one for every orbit)."""
         state = self.state
         state.block[:], state.cells[:] = self.blank
-        state.t = t0
+        state.t, state.unit = t0, min(1.0, t1 - t0)
         state.x[:] = start
         state.last[:, 0] = t0
         return state
@@ -236,7 +236,7 @@ class EventDriven:
         problem = self.parts.problem(p, self.one_step)
         if kicks is not None:
             problem = kicks.problem(problem)
-        control, state = self.timed(t0, t1, system.parameters), self.begin(t0, start)
+        control, state = self.timed(t0, t1, system.parameters), self.begin(t0, t1, start)
 
         def more(record: Any) -> Any:
             # The room grows geometrically, more slowly where it is large.
@@ -304,7 +304,7 @@ class EventDriven:
         spending: Budget,
         most: int = 0,
     ) -> Iterator[tuple[_Run, int, Any, Checkpoint]]:
-        control, state = self.timed(t0, ends[-1], system.parameters), self.begin(t0, start)
+        control, state = self.timed(t0, ends[-1], system.parameters), self.begin(t0, ends[-1], start)
         run, record = _Run(system, self.parts.problem(p, self.one_step), control, most), self.first_record()
         stands = state.block.copy(), state.cells.copy()
         for end in ends:

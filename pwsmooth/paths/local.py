@@ -372,7 +372,7 @@ class _Run:
         patch = local.Patch.zeros(sizes)
         A = self.A = local.Assembly.zeros(
             sizes, kind=self._kind(), queue=queue, patch=patch, near=near, reader_first=first,
-            reader=np.ascontiguousarray(pairs[:, 1]), asked=times, t=t0, t_end=t1, share=_SHARE,
+            reader=np.ascontiguousarray(pairs[:, 1]), asked=times, t=t0, t_end=t1, unit=min(1.0, t1 - t0), share=_SHARE,
             alone=int(len(pairs) == 0),
         )  # fmt: skip
         patch.stamp = 1

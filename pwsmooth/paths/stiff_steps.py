@@ -162,7 +162,7 @@ def integrate(
         t_eval=wanted, x_eval=np.full((len(wanted), compiled.n), np.nan),
         instant_t=instants[0], instant_event=instants[1],
         order=order, taylor_order=K, may_taylor=taylor, may_radau=method != "taylor",
-        t=t0, t_end=t1, h=first_step or 0.0, rtol=rtol_radau, rtol_taylor=rtol_taylor,
+        t=t0, t_end=t1, unit=min(1.0, t1 - t0), h=first_step or 0.0, rtol=rtol_radau, rtol_taylor=rtol_taylor,
         # A tenth of the span: a seat belt, not what protects the layers.
         h_max=min(max_step, 0.1 * (t1 - t0)), mark=t0, least_advance=_LEAST_ADVANCE * (t1 - t0),
         kappa=min(0.03, 10.0 * math.sqrt(rtol_radau)),

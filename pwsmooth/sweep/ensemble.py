@@ -190,8 +190,9 @@ def _all_at_once(run, t_span, starts, count, times, max_steps, spending) -> Ense
     grid = np.array([run.interval(t, "an entry of `t_eval`") for t in asked], np.int64)
     step, n = run.noise.step, starts.shape[1]
     path = Path(run, max_steps, False)
-    control, state = path.timed(first * step, last * step, run.values), path.begin(first * step, starts[0])
-    begun = np.column_stack([starts, np.full(len(starts), first * step)])
+    t0, t1 = first * step, last * step
+    control, state = path.timed(t0, t1, run.values), path.begin(t0, t1, starts[0])
+    begun = np.column_stack([starts, np.full(len(starts), t0)])
     noise = run.bundle(starts=begun, snapshots=np.empty((count, len(grid), n)), grid=grid)
     noise.interval, noise.last, noise.trajectory = first, last, run.noise.trajectory
     loop = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_int64] * 3, *[ctypes.c_void_p] * 6)(

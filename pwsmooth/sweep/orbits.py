@@ -54,7 +54,7 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
             x0[:, setting.states.index(name)] = columns[name]
     quantities, outputs = _quantities(plan, n, m)
     # The buffers are emptied when full: small ones stay in the cache.
-    now = run.begin(0.0, 0.0)
+    now = run.begin(0.0, 0.0, 0.0)
     record = run.recording(max(512, 4 * (2 * m + 3 * ne + 64)), np.zeros(0 if section else strobes))
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
     digits = np.zeros(m, np.int64)

@@ -36,9 +36,6 @@ SOLVERS = {
     "lu_factor": """
 def lu_factor(rows: P, a: I, n: I) -> I:
     # in place, numbers of the pivot rows after the matrix; 1 where singular
-    scale = 0.0
-    for i in range(n * n):
-        scale = max(scale, abs(rows[a + i]))
     for c in range(n):
         best = c
         for r in range(c + 1, n):
@@ -50,14 +47,16 @@ def lu_factor(rows: P, a: I, n: I) -> I:
             rows[a + c * n + i] = rows[a + best * n + i]
             rows[a + best * n + i] = other
         pivot = rows[a + c * n + c]
-        # Rounding leaves a few eps of the largest entry where the exact pivot is 0.
-        if not abs(pivot) > 2e-15 * scale:
+        if not abs(pivot) > 0.0:
             return 1
         for r in range(c + 1, n):
             f = rows[a + r * n + c] / pivot
             rows[a + r * n + c] = f
             for i in range(c + 1, n):
+                before = abs(rows[a + r * n + i])
                 rows[a + r * n + i] -= f * rows[a + c * n + i]
+                if abs(rows[a + r * n + i]) <= 4e-15 * before:
+                    rows[a + r * n + i] = 0.0  # as solve_dense in kernels/surface/sparse.py
     return 0
 """,
     "lu_solve": """

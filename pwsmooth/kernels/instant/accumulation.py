@@ -7,8 +7,8 @@ first settled by their layer.
 
 import math
 
-from ..intervals import forget_intervals, note_interval, time_left, time_to_last_event
-from ..machine.compiling import kernel
+from ..intervals import forget_intervals, note_interval, time_left, time_size, time_to_last_event
+from ..machine.compiling import inlined_kernel, kernel
 from ..machine.pointers import call_act, call_fields
 from ..state import (
     ACTS,
@@ -33,7 +33,12 @@ from .settling import close_contact, settle_at_rest
 from .surface_rates import approach_speed, stop_normal_speed
 
 AT_ONCE = 1e-13  # instants closer than this (relative to the time) are one instant
+_OF_A_STEP, _TICK = (
+    1e-8,
+    1e-15,
+)  # and where motions are fast beside the time, closer than this of a step; its rounding
 WITHIN_ROUNDING = 1e-11  # an accumulation point this close is passed
+_UNSEEN = 1e-14  # intervals shorter than this are lost in the rounding of the time
 _SLOW = 1e-9  # and one this close whose intervals come near to AT_ONCE: a ratio of 0.97 and more gets no nearer
 _CLOSE = 1e-4  # and one whose surface is lost in its roundings before: its limit is told to the square
 # Steps within an arc grow from a millionth of it, where it begins with the root of a height.
@@ -42,11 +47,34 @@ _LOWEST = 1e-9  # of the size of what a surface is made of
 _AT_REST = 1e-5  # relative: what a bounce leaves of a speed where intervals are WITHIN_ROUNDING
 
 
+@inlined_kernel
+def at_once_within(t, length):
+    """How far behind time t an instant is still the same, where steps have this length."""
+    return min(AT_ONCE * abs(t), max(_OF_A_STEP * length, _TICK * abs(t)))
+
+
 @kernel
-def is_passed(S, j):
+def is_low(P, C, S, W, i, interval):
+    """Whether an arc about surface i that takes `interval` is within the states' absolute tolerances of 0."""
+    speed = approach_speed(P, S, i, W)
+    tolerance = 0.0
+    for e in range(P.dh_row[i], P.dh_row[i + 1]):
+        tolerance += abs(W.dh[e]) * C.atol[P.dh_col[e]]
+    return 0.25 * abs(speed) * interval < tolerance  # the height of an arc
+
+
+@kernel
+def _is_over(P, C, S, W, i, last):
+    """Whether no more of the arcs about surface i is to be seen: they are low, or below what the clock tells."""
+    return last[1] <= _UNSEEN * time_size(S) or is_low(P, C, S, W, i, last[1])
+
+
+@kernel
+def is_passed(P, C, S, W, j):
     """Whether the accumulation point of surface j is as near as its intervals let it come."""
-    span, left = 1.0 + abs(S.t), time_left(S.last[j])
-    return left <= WITHIN_ROUNDING * span or (left <= _SLOW * span and S.last[j, 1] <= 10.0 * AT_ONCE * span)
+    span, left = time_size(S), time_left(S.last[j])
+    near = left <= WITHIN_ROUNDING * span or (left <= _SLOW * span and S.last[j, 1] <= 10.0 * AT_ONCE * span)
+    return near and _is_over(P, C, S, W, j, S.last[j])
 
 
 @kernel
@@ -60,13 +88,13 @@ def _is_lost(P, S, W, i, interval):
 
 
 @kernel
-def _is_minute(P, S, W, j):
+def _is_minute(P, C, S, W, j):
     """Whether the arcs about surface j, followed to their limit, are too short or too low to be followed longer."""
     if W.step.nears != SWITCHING or W.step.leader != j or W.step.turns < 3:
         return False
     next_height = 0.25 * abs(approach_speed(P, S, j, W)) * S.last[j, 1] * S.last[j, 2]
     low = P.surface_state[j] < 0 and next_height <= _LOWEST * surface_size(P, S, j, W)
-    return low or time_left(S.last[j]) <= _SHORTEST * (1.0 + abs(S.t))
+    return low or (time_left(S.last[j]) <= _SHORTEST * time_size(S) and _is_over(P, C, S, W, j, S.last[j]))
 
 
 @kernel
@@ -101,7 +129,7 @@ def _comes_to_rest(P, S, W, i):
 
 
 @kernel
-def events_accumulate(P, S, R, W):
+def events_accumulate(P, C, S, R, W):
     """Whether the events that fired at this instant (W.firing.due >= ACTS) come in intervals that shrink to nothing.
 
     What a system does beyond is not for its events to say: the run ends at the limit time, which S is moved to. A
@@ -112,13 +140,13 @@ def events_accumulate(P, S, R, W):
         if W.firing.due[i] < ACTS or not W.instant.hit[P.m + i] or t <= W.firing.last[i, 0]:
             continue
         note_interval(W.firing.last[i], t)
-        if time_to_last_event(W.firing.last[i], True) == math.inf:
+        if time_to_last_event(W.firing.last[i], True, time_size(S)) == math.inf:
             continue
-        left = time_to_last_event(W.firing.last[i], _was_lost(P, S, W, i))
-        if left == math.inf:
+        left = time_to_last_event(W.firing.last[i], _was_lost(P, S, W, i), time_size(S))
+        if left == math.inf or not _is_over(P, C, S, W, P.m + i, W.firing.last[i]):
             continue
         for j in range(P.m):
-            if _comes_to(S.last[j], t + left) and left > 0.1 * WITHIN_ROUNDING * (1.0 + abs(t)):
+            if _comes_to(S.last[j], t + left) and left > 0.1 * WITHIN_ROUNDING * time_size(S):
                 return False
         S.t = t + left
         record_event(S, R, P.m + i, EV_ACCUMULATION, S.side[i], 0)
@@ -136,11 +164,11 @@ def pass_accumulation(P, C, S, R, W):
             estimate = time_left(S.last[j])
             if estimate < left:
                 leader, left = j, estimate
-    if leader < 0 or not left < _CLOSE * (1.0 + abs(t)):
+    if leader < 0 or not left < _CLOSE * time_size(S):
         return NOTHING
     lost = P.kind[leader] < CONTACT and _is_lost(P, S, W, leader, S.last[leader, 1])
-    minute = P.kind[leader] < CONTACT and _is_minute(P, S, W, leader)
-    if not lost and not minute and not is_passed(S, leader):
+    minute = P.kind[leader] < CONTACT and _is_minute(P, C, S, W, leader)
+    if not lost and not minute and not is_passed(P, C, S, W, leader):
         return NOTHING
     if minute:
         go_on_as_arcs(P, S, W, left)

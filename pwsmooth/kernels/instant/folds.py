@@ -9,6 +9,7 @@ hop is below rounding: then the attracting root beyond is looked for, and the fo
 
 import math
 
+from ..intervals import time_size
 from ..machine.compiling import kernel
 from ..machine.pointers import at, call_fields, call_layer_unit, call_linear
 from ..outcome import Outcome
@@ -226,7 +227,7 @@ def _leave(W, toward):
 @kernel
 def _is_late(P, S, W, j, slope, bend):
     """Whether lambda_j stands as near to its fold as the rounding of a late time can tell: e = slope^2/(2 bend)."""
-    arc, late = W.arc, _LATE * (1.0 + abs(S.t))
+    arc, late = W.arc, _LATE * time_size(S)
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     now = W.g[j]
     for i in range(P.n):
@@ -258,7 +259,7 @@ def lost_at_a_fold(P, C, S, R, W, clear):
                 1 if bend > 0.0 else -1
             )  # past the fold g has the sign of its bend, and pushes lambda that way
             _leave(W, toward)
-            W.arc.hop = HOP * (1.0 + abs(S.t))
+            W.arc.hop = HOP * time_size(S)
             if (clear or late) and not _root_is_back(P, S, W, j, toward):
                 return NOTHING
             record_ambiguity(S, R, j, AMB_FOLD, 1)

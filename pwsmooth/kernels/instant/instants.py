@@ -9,7 +9,7 @@ import math
 
 from numba import types
 
-from ..intervals import forget_intervals, note_interval
+from ..intervals import forget_intervals, note_interval, time_size
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_layer_unit
 from ..outcome import Outcome
@@ -43,7 +43,7 @@ from ..surface.layer import LEAVE_FOLD
 from ..surface.sliding import keep_on_surface, surface_rounding
 from ..surface.sparse import link
 from ..work import Work
-from .accumulation import AT_ONCE, is_passed, pass_accumulation
+from .accumulation import AT_ONCE, at_once_within, is_low, is_passed, pass_accumulation
 from .contacts import UNCHANGED, outcome_of, part_or_press, settle_contacts, stop_closed
 from .discs import free_components, resettle_discs, settle_discs, slip_by_layer
 from .firing import events, sides_after_crossing, sides_after_jump, step_inside
@@ -142,16 +142,6 @@ def _arrivals(P, C, S, R, W, size, jumped):
 
 
 @kernel
-def _is_minute(P, C, S, W, j, interval):
-    """Whether an arc about surface j that takes `interval` is within the states' absolute tolerances of 0."""
-    speed = approach_speed(P, S, j, W)
-    tolerance = 0.0
-    for e in range(P.dh_row[j], P.dh_row[j + 1]):
-        tolerance += abs(W.dh[e]) * C.atol[P.dh_col[e]]
-    return 0.25 * abs(speed) * interval < tolerance  # the height of an arc
-
-
-@kernel
 def _look_at_arcs(P, C, S, W, j):
     """Overwrites the tolerances of the arcs to come: those about surface j may shrink to nothing in finite time."""
     leads = W.step.nears == SWITCHING and W.step.leader == j
@@ -217,7 +207,7 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
             if singular:
                 _look_at_arcs(P, C, S, W, j)
             interval = arc_ahead(P, S, W, j) if singular else S.last[j, 1]
-            S.minute = S.minute + 1 if _is_minute(P, C, S, W, j, interval) else 0
+            S.minute = S.minute + 1 if is_low(P, C, S, W, j, interval) else 0
             told = singular and P.kind[j] == SECOND_ORDER  # an arc that has not been seen yet
             if S.minute > 0 and told and come_to_rest(P, C, S, R, W, j, 0.0):
                 S.minute = 0
@@ -310,15 +300,12 @@ def _note_what_is_met(P, S, W):
     """Overwrites instant.hit, known zeros of S and instant.came; states that are surfaces are put on them."""
     instant = W.instant
     m, ne, status, elapsed = P.m, P.ne, S.status, instant.elapsed
+    within = max(at_once_within(S.t, W.step.length), AT_ONCE * elapsed)
     for i in range(m + ne):
         later = (W.meeting.tau[i] - instant.met) * W.step.length
-        instant.hit[i] = W.meeting.tau[i] <= 1.0 and later <= AT_ONCE * max(abs(S.t), elapsed)
-        # Only switches: an event at its own threshold (a latch) leaves it and meets it again within rounding.
-        if (
-            not instant.hit[i]
-            and S.deflate[i] != 0
-            and (elapsed > 1e-12 * (1.0 + abs(S.t)) or (i < m and _left_behind(P, S, W, i)))
-        ):
+        instant.hit[i] = W.meeting.tau[i] <= 1.0 and later <= within
+        left = S.deflate[i] != 0 and not instant.hit[i]
+        if left and (elapsed > 1e-12 * time_size(S) or _left_behind(P, S, W, i)):
             S.deflate[i] = 0
     for i in range(ne):
         # One surface, met once: roundings may put its two series' zeros on either side of the step's end.
@@ -363,14 +350,14 @@ def at_instant(P, C, S, R, W):
     if R.tape.shape[0] > 0:
         put_causes_on_tape(P, C, S, R, W)
     record_point(P, S, R)
-    S.stalled = S.stalled + 1 if elapsed <= 1e-14 * (1.0 + abs(S.t)) else 0
+    S.stalled = S.stalled + 1 if elapsed <= 1e-14 * time_size(S) else 0
     if S.stalled > MOST_AT_ONCE:
         return Outcome.CHATTERING
     events_before = S.events
     only = only_one(P, S, W) if fold < 0 and instant.at_clock == 0 else -1
     if only >= 0:
         code = cross_stick_or_leave(P, S, R, W, only)
-        if code != NOTHING and (code != GO_ON or not is_passed(S, only)):
+        if code != NOTHING and (code != GO_ON or not is_passed(P, C, S, W, only)):
             record_point(P, S, R)
             return code
         if code == NOTHING:

@@ -3,6 +3,7 @@
 Chain: pointers.py, sliding.py -> **this file** -> holding.py and all that acts at an instant.
 """
 
+from ..intervals import pace
 from ..machine.compiling import kernel
 from ..machine.pointers import call_act, call_fields, call_linear
 from ..state import SECOND_ORDER
@@ -10,7 +11,7 @@ from ..step.steps import take_jet, take_slip_jet
 from ..surface.sliding import follow, keep_on_surface, mask_instant, mask_solved
 
 _HIGHEST = 7  # order with which a surface is left
-_MOMENT = 1e-6
+_MOMENT = 1e-6  # of the unit of time
 
 
 @kernel
@@ -51,7 +52,7 @@ def approach_speed(P, S, j, W):
         part = W.dh[e] * W.dx[P.dh_col[e]]
         speed += part
         size += abs(part)
-    W.instant.rest_speed = 1e-14 * size + 1e-13
+    W.instant.rest_speed = 1e-14 * size + 1e-13 / pace(S)
     return speed
 
 
@@ -79,13 +80,16 @@ def leading_order(P, C, S, W, i):
             P, S, i, W
         )  # a selection stands between its branches: there is no slip trajectory
         return 4 if abs(speed) <= W.instant.rest_speed else (1 if speed > 0.0 else -1)
-    row = W.step.rows[P.rows_slip[i]]
-    size = 1e-3
+    row, h = W.step.rows[P.rows_slip[i]], pace(S)
+    size, power = 1e-3, 1.0
     for k in range(P.n):
-        size += abs(S.x[k]) + abs(W.step.rows[k, 1])
-    for k in range(1, 4):
-        if abs(row[k]) > 1e-12 * size:
-            return k if row[k] > 0.0 else -k
+        size += abs(S.x[k])
+    for order in range(1, 4):
+        power *= h
+        for k in range(P.n):
+            size += abs(W.step.rows[k, order]) * power
+        if abs(row[order]) * power > 1e-12 * size:
+            return order if row[order] > 0.0 else -order
     return 4
 
 
@@ -95,11 +99,11 @@ def _order_of_speed(P, S, W, j):
     speed = approach_speed(P, S, j, W)
     if abs(speed) > W.instant.rest_speed:
         return 1 if speed > 0.0 else -1
-    t = S.t
+    t, moment = S.t, _MOMENT * S.unit
     for i in range(P.n):
         W.instant.gradient[i] = S.x[i]
-        S.x[i] += _MOMENT * W.dx[i]
-    S.t += _MOMENT
+        S.x[i] += moment * W.dx[i]
+    S.t = t + moment
     speed = approach_speed(P, S, j, W)
     S.t = t
     for i in range(P.n):
@@ -120,12 +124,16 @@ def order_of_leaving(P, C, S, W, j):
     mask_solved(P, S, W)
     if not follow(P, S, W) or take_jet(P, C, S, True, W) < 0:
         return 0
-    row, size = W.step.rows[P.rows_general[j]], 1e-3
+    row, h = W.step.rows[P.rows_general[j]], pace(S)
+    size, power = 1e-3, 1.0
     for k in range(1, _HIGHEST):
-        size = max(size, abs(row[k]))
+        power *= h
+        size = max(size, abs(row[k]) * power)
+    power = 1.0
     for k in range(1, _HIGHEST):
+        power *= h
         # A bound is met within its tolerance, and leaves as much where an order vanishes.
-        if abs(row[k]) > 1e-9 * size:
+        if abs(row[k]) * power > 1e-9 * size:
             return k if row[k] > 0.0 else -k
     return 0
 

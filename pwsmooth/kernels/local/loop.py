@@ -13,7 +13,7 @@ import math
 
 from numba import types
 
-from ..instant.accumulation import AT_ONCE
+from ..instant.accumulation import at_once_within
 from ..intervals import forget_intervals
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import at, call_unit, float_bits
@@ -89,14 +89,15 @@ def _prepare_instant(A, S, W, t):
     instant.fold, instant.way, instant.at_clock, instant.solved_there = -1, 0, 0, 0
     instant.met = instant.elapsed = 0.0
     W.step.length = 1.0
-    some, stalled, rounding = False, -1, AT_ONCE * abs(t)
+    some, stalled = False, -1
     for k in range(T.count):
         i = T.member[k]
+        rounding = at_once_within(t, A.length[i])
         for b in range(E.nm + E.ne):
             if A.met[i, b] - t <= rounding:
                 W.meeting.tau[number_of(E, b, T.count, k)] = 0.0
                 some = True
-                if t - A.begun[i] <= 1e-14 * (1.0 + abs(t)):
+                if t - A.begun[i] <= 1e-14 * (S.unit + abs(t)):
                     stalled = max(stalled, A.stalled[i])
     S.stalled = stalled
     for k in range(E.ns * T.total if len(E.target) > 0 else 0):
@@ -120,11 +121,12 @@ def _after_instant(A, S, t):
     for k in range(T.count):
         i = T.member[k]
         A.stalled[i] = 0
+        rounding = at_once_within(t, A.length[i])
         for b in range(E.nm + E.ne):
-            if A.met[i, b] - t <= AT_ONCE * abs(t):
+            if A.met[i, b] - t <= rounding:
                 A.stalled[i] = min(S.stalled, 127)
         for q in range(len(E.timed)):
-            if A.met[i, E.nm + E.timed[q]] - t <= AT_ONCE * abs(t):
+            if A.met[i, E.nm + E.timed[q]] - t <= rounding:
                 A.tick[i, q] += 1
 
 
@@ -212,7 +214,7 @@ def _renew(A, P, C, S, R, W, t, stop, why):
             return Outcome.AMBIGUITY
         first = False
         # So short before the end of a slab, where all is renewed, what others do then does not matter.
-        brief = stop - t <= _BRIEF * (1.0 + abs(t))
+        brief = stop - t <= _BRIEF * (S.unit + abs(t))
         C.t_end = t + max(A.slab, _BRIEF) if brief else _common_end(A, t, stop)
         S.step = A.length[T.member[0]] if A.alone != 0 else C.t_end - t
         code = GO_ON
@@ -484,7 +486,7 @@ def _next_slab(A):
 def _meets_now(A, t):
     """Makes the elements whose key is t, to rounding, the members; why they are renewed."""
     T, Q, E = A.patch, A.queue, A.kind
-    limit = t + AT_ONCE * abs(t)
+    limit = t + at_once_within(t, A.length[Q.heap[0]])
     # Where no element knows of another some come after the others, as the instant looks at all of its members; and of
     # contacts: those that act on each other touch, so that they are found whoever comes first.
     alone = A.alone != 0 and E.together == 0

@@ -11,7 +11,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from ..instant.accumulation import AT_ONCE
+from ..instant.accumulation import at_once_within
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.lanes import load8, store8
 from ..machine.pointers import at, call_fields, call_linear
@@ -21,7 +21,7 @@ from ..step.steps import dot, powers
 from .members import number_of
 
 _GIVEN = 1e300  # absolute tolerance of a motion that is given
-_AT_ONCE = 1e-12  # of the time: what an element was left with so shortly ago still stands
+_JUST_NOW = 10.0  # times what is one instant: what an element was left with so shortly ago still stands
 
 
 @intrinsic
@@ -236,7 +236,7 @@ def gather(A, P, C, S, W, t):
     T, E = A.patch, A.kind
     M, places, K = T.count, T.total, C.order
     shape(A, P, C, W)
-    S.t, S.started = t, 1
+    S.t, S.started, S.unit = t, 1, A.unit
     S.step = A.length[T.member[0]]
     S.ticks = S.points = S.events = S.ambiguities = S.pieces = S.taped = S.samples = 0
     S.minute = S.stalled = 0
@@ -250,7 +250,7 @@ def gather(A, P, C, S, W, t):
             P.p[E.p_fixed[b] + E.p_blocks[b] * places + k] = A.p[i, b]
         for b in range(E.ns):
             S.x[b * places + k] = state_at(A, i, b, t, K)
-        known = again or t - A.begun[i] <= _AT_ONCE * (1.0 + abs(t))
+        known = again or t - A.begun[i] <= _JUST_NOW * at_once_within(t, A.length[i])
         for b in range(E.nm):
             j = number_of(E, b, M, k)
             S.mult[j], S.status[j] = A.mult[i, b], A.status[i, b]
@@ -354,7 +354,7 @@ def note_records(A, P, S, R):
     for a in range(S.events):
         number, k, s = _number_in_all(A, R.event[a, 0])
         if not E.s_own[s]:  # all elements meet it, some of which come after the others
-            if abs(R.event_t[a] - A.noted[s]) <= AT_ONCE * abs(R.event_t[a]):
+            if abs(R.event_t[a] - A.noted[s]) <= at_once_within(S.t, A.length[T.member[0]]):
                 continue
             A.noted[s] = R.event_t[a]
         A.event_t[A.events], A.event[A.events, 0] = R.event_t[a], number

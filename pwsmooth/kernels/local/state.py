@@ -121,6 +121,7 @@ class Assembly(Bundle):
     phase: "int"  # 0: nothing is known yet; 1: slabs end; 2: events inside of one
     t: "float"
     t_end: "float"
+    unit: "float"  # of the small systems' State
     now: "float"  # up to where all motions are known
     halts: "int"  # 1: to end there
     slab_begin: "float"

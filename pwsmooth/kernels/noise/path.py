@@ -16,6 +16,7 @@ import math
 from numba import types
 
 from ..instant.surface_rates import any_is
+from ..intervals import time_size
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_fields, call_linear, call_outputs, call_unit
 from ..outcome import Outcome
@@ -221,7 +222,7 @@ def _restore(P, S, N, t):
 @kernel
 def _sample(S, R, P):
     """The asked-for instants up to now, which is the end of an interval."""
-    slack = 1e-9 * (1.0 + abs(S.t))
+    slack = 1e-9 * time_size(S)
     while S.samples < len(R.t_eval) and R.t_eval[S.samples] <= S.t + slack:
         k = S.samples
         for i in range(P.n):

@@ -8,6 +8,7 @@ import math
 
 from numba import types
 
+from ..intervals import time_size
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_fields, call_fold, call_jet_general, call_linear
 from ..state import ARC, SLIDING, SOLVED, Control, Problem, State
@@ -139,7 +140,7 @@ def fold_step_size(P, C, S, rows, W):
     the step there is the zero of dt/ds.
     """
     K, n, m = C.order, P.n, P.m
-    span = 1.0 + abs(S.t)
+    span = time_size(S)
     tolerance, h = 1e-3 * C.rtol * span, 0.0
     for _ in range(2):
         e0, e1, finite = 0.0, 0.0, 0.0
@@ -170,7 +171,7 @@ def propose_arc(P, C, S, W, h, singular):
         step.fold = _flattest(P, S, W)
         step.toward = _way_of_time(P, C, S, W, step.fold) if step.fold >= 0 else 0
     else:
-        within = h if h > 0.0 else 1e-12 * (1.0 + abs(S.t))
+        within = h if h > 0.0 else 1e-12 * time_size(S)
         step.fold = _near_fold(P, S, step.rows, step.mult_row, within)
         if step.fold < 0:
             return h

@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numba import types
 
+from ..intervals import time_size
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_fields, call_linear, call_newton
 from ..state import DISC, SOLVED, START, Control, Problem, State
@@ -568,7 +569,7 @@ def onset(P, C, S, W, longest):
             return h
         again = misfit < _ALL_BUT_FITS and not again
         h *= max(0.25, 0.9 * misfit**-0.125) if misfit < math.inf else 0.25
-        if h <= max(start.least, 1e-14 * (1.0 + abs(t))):
+        if h <= max(start.least, 1e-14 * time_size(S)):
             break
     # What is left is a body at rest, where lambda = h/|h| has no value.
     for j in range(P.m):

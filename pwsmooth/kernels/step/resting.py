@@ -3,6 +3,7 @@ a force that hardly exceeds the friction, where they are stiff."""
 
 import math
 
+from ..intervals import time_size
 from ..machine.compiling import kernel
 from ..machine.pointers import at, call_fields, call_linear
 from ..state import ALGEBRAIC, CLOSING, CONTACT, DISC, HELD, SOLVED, TAPE_STEP
@@ -139,7 +140,7 @@ def come_to_rest_in_disc(P, C, S, R, W, h):
         for k in range(j + 1, j + 1 + P.dim[j]):
             first += at(rows[all_rows[k]], 1) ** 2
             second += at(rows[all_rows[k]], 2) ** 2
-        if math.sqrt(square / first) <= 1e-15 * (1.0 + abs(S.t)):
+        if math.sqrt(square / first) <= 1e-15 * time_size(S):
             # Nearer than the clock tells, on its way to rest or past it.
             _come_from(P, S, R, W, j)
             W.meeting.widest[j] = 0.0
@@ -154,7 +155,7 @@ def come_to_rest_in_disc(P, C, S, R, W, h):
         if closes and S.t + left < latest and _close(P, C, S, R, W, j, square, late, tolerance, latest):
             W.meeting.widest[j] = 0.0  # the next slip has its own scale
             return h, j
-        if square <= _ROUNDING * W.meeting.widest[j] or left <= 1e-15 * (1.0 + abs(S.t)):
+        if square <= _ROUNDING * W.meeting.widest[j] or left <= 1e-15 * time_size(S):
             _come_from(P, S, R, W, j)
             W.meeting.widest[j] = 0.0
             return h, j

@@ -13,6 +13,7 @@ import math
 
 from numba import types
 
+from ..intervals import time_size
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_act, call_fields, call_linear
 from ..outcome import Outcome
@@ -203,7 +204,7 @@ def approach(P, C, S, R, W):
         j = _kink_at(P, i) if slows and _is_active(P, S, W, i) else -1
         if j >= 0 and j != W.step.refused and not _stands(P, S, W, i, speed):
             W.step.length = min(W.step.length, _HALF * left)
-            last = left <= _LAST_TIME * (1.0 + abs(S.t)) or a <= _least(P, C, S, W, i)
+            last = left <= _LAST_TIME * time_size(S) or a <= _least(P, C, S, W, i)
             if last and S.t + left < W.step.stop:
                 W.step.arrives, W.step.rests, W.step.left = i, j, left - W.step.length
                 return GO_ON
@@ -222,7 +223,7 @@ def approach(P, C, S, R, W):
         if not (in_sight or s <= min(1.0, first)) or not _is_active(P, S, W, i):
             continue
         if in_sight:
-            near = left <= 1e-13 * (1.0 + abs(S.t)) or a <= _tolerance(P, S, W, i, W.step.atol)
+            near = left <= 1e-13 * time_size(S) or a <= _tolerance(P, S, W, i, W.step.atol)
             if near and W.step.nears != SWITCHING and (kind != PAIR or left <= max(1.2 * h, 1e-9)):
                 if P.watch[i] != BRANCH or _stands(P, S, W, i, speed):
                     W.step.arrives = i

@@ -6,12 +6,14 @@ the methods of one step (methods/).
 
 import math
 
+from ..intervals import time_size
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.lanes import load8, store8
 from ..machine.pointers import (
     abs8,
     at,
     bits_float,
+    call_fields,
     call_jet_general,
     call_jet_slip,
     call_step,
@@ -210,11 +212,15 @@ def refine_by_pair(P, C, S, W, h):
 
 
 @kernel
-def _is_linear(P, C, W, s):
-    """Whether the second-order terms of the states are within the tolerance at s."""
-    rows = W.step.rows
+def _is_linear(P, C, S, W, s):
+    """Whether what is not linear in the motion up to s is within the tolerance: by its rates half-way, as where no step
+    can be made the series have no more terms."""
+    rows, x = W.step.rows, W.step.x
     for i in range(P.n):
-        if not abs(rows[i, 2]) * s * s <= C.atol[i] + C.rtol * abs(rows[i, 0]):
+        x[i] = rows[i, 0] + 0.5 * s * rows[i, 1]
+    call_fields(P.fields, S.t + 0.5 * s, x, S.mult, P.p, W.dx, W.h, W.g)
+    for i in range(P.n):
+        if not abs(W.dx[i] - rows[i, 1]) * s <= C.atol[i] + C.rtol * abs(rows[i, 0]):
             return False
     return True
 
@@ -225,13 +231,13 @@ def reach_singular_surface(P, C, S, W, h):
 
     There the Taylor steps shrink with the distance left (delta^1.5 at release) and would never arrive.
     """
-    rows, mult_row, reach = W.step.rows, W.step.mult_row, 1e-11 * (1.0 + abs(S.t))
+    rows, mult_row, reach = W.step.rows, W.step.mult_row, 1e-11 * time_size(S)
     all_rows = surface_rows(P, W.step.kind)
     for i in range(P.m + P.ne):
         row = all_rows[i]
-        if row >= 0 and rows[row, 1] != 0.0:
+        if row >= 0 and S.deflate[i] == 0 and rows[row, 1] != 0.0:
             left = -rows[row, 0] / rows[row, 1]
-            if 0.0 < left < reach and _is_linear(P, C, W, left):
+            if 0.0 < left < reach and _is_linear(P, C, S, W, left):
                 # Rows further behind are what the programs keep from call to call.
                 top = max(P.n, mult_row + P.m)
                 for k in range(P.m + P.ne):

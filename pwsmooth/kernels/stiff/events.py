@@ -80,7 +80,7 @@ def start_sides(s, t, x):
         k = s.remembers[j]
         s.side[j] = x[k] if k >= 0 else _sign(s.level[j])
         s.met[j] = 1 if k < 0 and s.carried[j] != TIMED and abs(s.level[j]) <= s.rounding[j] else 0
-        s.fired[4 * j] = t
+        s.fired[6 * j] = t
 
 
 @kernel
@@ -322,7 +322,7 @@ def _accumulate(s, coefficients, degree, t, h, theta, when):
     (accumulation.py): the last record is then of their limit."""
     sample(s, coefficients, degree, t, h, 0.0, theta)
     for j in range(s.e):
-        last = at(s.fired, 4 * j)
+        last = at(s.fired, 6 * j)
         if s.due[j] < ACTS or s.carried[j] == TIMED or s.remembers[j] >= 0 or when <= last[0]:
             continue
         note_interval(last, when)
@@ -331,7 +331,7 @@ def _accumulate(s, coefficients, degree, t, h, theta, when):
         height = 0.0
         for q in range(8):
             height = max(height, abs(s.values[8 * j + q]))
-        left = time_to_last_event(last, height <= s.rounding[j])
+        left = time_to_last_event(last, height <= s.rounding[j], s.unit + abs(when))
         if left < np.inf:
             _record(s, j, when + left)
             return True

@@ -34,6 +34,7 @@ class Core(Bundle):
     may_taylor: "int"
     dense: "int"  # 1: the polynomial of every step is kept
     t_end: "float"
+    unit: "float"  # min(1, length of the run): time_size in intervals.py
     rtol: "float"  # of Radau
     rtol_taylor: "float"
     h_max: "float"

@@ -8,6 +8,7 @@ import math
 
 from numba import types
 
+from ..intervals import time_size
 from ..machine.compiling import inlined_kernel, kernel, unit
 from ..machine.pointers import call_fields, call_linear, call_newton
 from ..state import ALGEBRAIC, COMPONENT, CONTACT, SECOND_ORDER, SOLVED, Problem, State
@@ -63,6 +64,16 @@ def newton(P, S, W):
 
 
 @inlined_kernel
+def _is_rounding_of_lambda(P, S, W):
+    """Whether residuals below 1e-14 are, in whatever units they stand, what roundings of the multipliers make."""
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    for j in range(P.m):
+        if W.mask[j] and P.hidden[j] == 0 and not abs(W.g[j]) <= 1e-12 * abs(W.G[P.g_diagonal[j]]):
+            return False
+    return True
+
+
+@inlined_kernel
 def follow(P, S, W):
     """Newton only where a masked residual is above rounding: the usual case costs one evaluation."""
     some = False
@@ -71,12 +82,15 @@ def follow(P, S, W):
     if not some:
         return True
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-    clean = W.step.nears == 0  # a motion that comes to rest has residuals below any rounding of others
-    for j in range(P.m):
-        # The rounding of a residual whose terms are of order 10; a multiplier is followed to rtol/100 at best.
-        if W.mask[j] and not abs(W.g[j]) <= 1e-14:
-            clean = False
-    return clean or call_newton(P.newton_unit, P, S, W) != 0
+    if W.step.nears == 0:  # a motion that comes to rest has residuals below any rounding of others
+        clean, exact = True, True
+        for j in range(P.m):
+            # The rounding of a residual whose terms are of order 10; a multiplier is followed to rtol/100 at best.
+            if W.mask[j] and W.g[j] != 0.0:
+                clean, exact = clean and abs(W.g[j]) <= 1e-14, False
+        if exact or (clean and _is_rounding_of_lambda(P, S, W)):
+            return True
+    return call_newton(P.newton_unit, P, S, W) != 0
 
 
 @inlined_kernel
@@ -131,7 +145,7 @@ def is_at_rest(P, S, j, W):
         for e in range(P.dh_row[k], P.dh_row[k + 1]):
             rate += W.dh[e] * W.dx[P.dh_col[e]]
         fastest = max(fastest, abs(rate))
-    return W.h[j] == 0.0 or math.sqrt(W.h[j]) <= 1e-15 * (1.0 + abs(S.t)) * fastest
+    return W.h[j] == 0.0 or math.sqrt(W.h[j]) <= 1e-15 * time_size(S) * fastest
 
 
 @kernel

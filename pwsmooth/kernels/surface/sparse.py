@@ -11,6 +11,9 @@ O(n), not O(n^3).
 from ..machine.compiling import kernel
 from ..state import CROSSING, KINK, SOLVED
 
+_CANCELLED = (
+    4e-15  # of what it was: an entry that elimination leaves so little of is 0, in whatever units rows are
+)
 _SHORT = 16  # entries of a row, up to which one is as soon found by looking at all
 
 
@@ -81,7 +84,10 @@ def solve_dense(A, size, count):
         for r in range(i + 1, size):
             factor = A[r, i] / A[i, i]
             for c in range(i, width):
+                before = abs(A[r, c])
                 A[r, c] -= factor * A[i, c]
+                if c < size and abs(A[r, c]) <= _CANCELLED * before:
+                    A[r, c] = 0.0
     for k in range(size, width):
         for i in range(size - 1, -1, -1):
             total = A[i, k]

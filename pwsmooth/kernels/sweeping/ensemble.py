@@ -49,6 +49,7 @@ def _reset(P, C, S, W, E, i):
     if E.section >= 0:
         E.window[i, 0] = E.window[i, 1] = math.inf
         C.t_end = E.t0[i] + E.longest_return
+    S.unit = min(1.0, C.t_end - S.t)
     restart_flags(W)  # of a run that stopped half-way
     E.has_point = E.has_piece = E.segments = 0
     for j in range(P.m):
