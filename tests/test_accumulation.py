@@ -128,6 +128,18 @@ def test_a_ball_that_an_event_bounces_ends_at_the_limit_of_its_bounces(floor, dr
         assert solution.t[-1] == pytest.approx(np.sqrt(2) * (1 + 2 * flights), abs=bound)
 
 
+@METHODS
+def test_each_of_two_balls_has_its_own_rhythm(method):
+    # The slower one's limit would be lost in intervals that are another's.
+    balls = System(
+        {x: y, y: -1, z: v, v: -1},
+        events=[Event(x, update={y: -4 * y / 5}), Event(z, update={v: -v / 5})],
+    )
+    solution = solve(balls, (0, 40), {x: 1, y: 0, z: 3, v: 0}, method=method)
+    assert solution.outcome is Outcome.EVENTS_ACCUMULATE and solution.events[-1].switch == "event 2"
+    assert solution.t[-1] == pytest.approx(np.sqrt(6) * 1.5, abs=1e-7)
+
+
 def test_events_accumulate_after_a_switch_has():
     ball = System(TURNS | {z: v, v: -1}, parameters={a: 3.0}, events=[Event(z - 1, update={v: -v / 2})])
     solution = solve(ball, (0, 9), {x: 0, y: 1, z: 2, v: 0})
@@ -149,18 +161,18 @@ def test_events_accumulate_after_a_switch_has():
     ids=["one ratio", "ratios in turn", "none, the last ones short", "none, the last two short", "none"],
 )
 def test_only_intervals_that_shrink_in_one_rhythm_have_a_limit(intervals, left):
-    last = np.zeros(6)
+    last = np.zeros(7)
     for at in np.cumsum(intervals):
         note_interval(last, at)
-    assert time_to_last_event(last, True) == pytest.approx(left, rel=1e-6)
+    assert time_to_last_event(last, True, 1.0) == pytest.approx(left, rel=1e-6)
 
 
 def test_resets_whose_ratio_is_small_and_drifts_have_a_limit():
     # As of rates that each reset raises a bit: the fourth interval is the last that can be told from none.
-    last = np.zeros(6)
+    last = np.zeros(7)
     *earlier, latest = np.cumsum([1.2, 1.8e-1, 4.8e-5, 1.15e-8, 2.53e-12])
     for at in earlier:
         note_interval(last, at)
-    assert time_to_last_event(last, True) == np.inf
+    assert time_to_last_event(last, True, 1.0) == np.inf
     note_interval(last, latest)
-    assert 0 < time_to_last_event(last, False) < 1e-14
+    assert 0 < time_to_last_event(last, False, 1.0) < 1e-14

@@ -2,7 +2,7 @@
 
 With intervals d, d q, d q^2, ... the limit lies d q/(1 - q) behind the last instant. One rule for the surfaces of
 switches, contacts and events, in both loops. A row `last` holds the time of the last instant, the interval before it,
-and the last four ratios of intervals, the newest first.
+the last four ratios of intervals, the newest first, and the time since which they shrink.
 """
 
 import math
@@ -10,6 +10,8 @@ import math
 from .machine.compiling import inlined_kernel, kernel
 
 _LAST_EVENTS = 1e-9  # much closer, a bounce of an event disappears in the roundings of its surface
+SHRUNK = 1e-7  # of the time over which intervals have shrunk: a motion on that scale is followed so near to its limit
+_UNSEEN = 1e-14  # of the time: intervals that its rounding hides
 _LOST_EVENTS = 1e-3  # and less close not: a surface that is met without a slope hugs zero as well
 
 
@@ -31,6 +33,7 @@ def forget_intervals(last, t):
     last[0] = t
     for k in range(1, 6):
         last[k] = 0.0
+    last[6] = t
 
 
 @kernel
@@ -41,6 +44,8 @@ def note_interval(last, t):
     last[4] = last[3]
     last[3] = last[2]
     last[2] = interval / last[1] if last[1] > 0.0 else math.inf
+    if not (last[2] > 0.0 and last[3] > 0.0 and last[2] * last[3] < 1.0):
+        last[6] = last[0]
     last[1] = interval
     last[0] = t
 
@@ -63,6 +68,13 @@ def time_left(last):
 
 
 @kernel
+def have_shrunk(last, left, share, size):
+    """Whether what is left to the limit is no more than a share of the time over which the intervals have shrunk, or
+    the clock, whose size is that of time_size, tells no shorter ones."""
+    return left <= share * (last[0] - last[6]) or last[1] <= _UNSEEN * size
+
+
+@kernel
 def _alike(q, other):
     """Whether two ratios are of one sequence, be it one that drifts."""
     return 0.5 * other <= q <= 2.0 * other
@@ -77,7 +89,7 @@ def time_to_last_event(last, lost, size):
     """
     close = (_LOST_EVENTS if lost else _LAST_EVENTS) * size
     left = time_left(last)
-    if left <= close:
+    if left <= close and (lost or have_shrunk(last, left, SHRUNK, size)):
         return left
     # Where each reset changes the rates the ratios drift, and so near the limit that of a pair says where it is.
     interval, q = last[1], last[2]
@@ -85,5 +97,6 @@ def time_to_last_event(last, lost, size):
     drift = _alike(q, last[3]) and _alike(last[3], last[4])
     drift = drift or (_alike(q, last[4]) and _alike(last[3], last[5]))
     if 0.0 < pair < 0.99 and interval <= close and drift:
-        return (interval + interval / q) * pair / (1.0 - pair)
+        left = (interval + interval / q) * pair / (1.0 - pair)
+        return left if lost or have_shrunk(last, left, SHRUNK, size) else math.inf
     return math.inf

@@ -172,7 +172,7 @@ class State(Bundle):
     status: "i8[m]"
     deflate: "i8[m + ne]"  # known zero orders of the surfaces at the step's start
     side: "i8[ne]"  # sign of each event surface
-    last: "f8[m, 6]"  # rows of intervals.py
+    last: "f8[m, 7]"  # rows of intervals.py
     steps: "int"  # counts, since the start or since the caller has emptied the buffers
     jets: "int"
     layers: "int"

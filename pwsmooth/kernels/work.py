@@ -230,7 +230,7 @@ class Contacts(Bundle):
 class Firing(Bundle):
     """Events of an instant: see firing.py."""
 
-    last: "f8[ne, 6]"  # as State.last, for the firings of the events
+    last: "f8[ne, 7]"  # as State.last, for the firings of the events
     jumped: "int"  # these are as kernels/firing.py says
     due: "i8[ne]"
     met: "i8[ne]"

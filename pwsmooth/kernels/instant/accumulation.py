@@ -7,7 +7,15 @@ first settled by their layer.
 
 import math
 
-from ..intervals import forget_intervals, note_interval, time_left, time_size, time_to_last_event
+from ..intervals import (
+    SHRUNK,
+    forget_intervals,
+    have_shrunk,
+    note_interval,
+    time_left,
+    time_size,
+    time_to_last_event,
+)
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.pointers import call_act, call_fields
 from ..state import (
@@ -38,11 +46,10 @@ _OF_A_STEP, _TICK = (
     1e-15,
 )  # and where motions are fast beside the time, closer than this of a step; its rounding
 WITHIN_ROUNDING = 1e-11  # an accumulation point this close is passed
-_UNSEEN = 1e-14  # intervals shorter than this are lost in the rounding of the time
 _SLOW = 1e-9  # and one this close whose intervals come near to AT_ONCE: a ratio of 0.97 and more gets no nearer
 _CLOSE = 1e-4  # and one whose surface is lost in its roundings before: its limit is told to the square
 # Steps within an arc grow from a millionth of it, where it begins with the root of a height.
-_SHORTEST = 1e-7  # relative
+_SHORTEST, _SHRUNK_ARCS = 1e-7, 1e-4  # relative to the time, and to that over which they have shrunk
 _LOWEST = 1e-9  # of the size of what a surface is made of
 _AT_REST = 1e-5  # relative: what a bounce leaves of a speed where intervals are WITHIN_ROUNDING
 
@@ -54,27 +61,11 @@ def at_once_within(t, length):
 
 
 @kernel
-def is_low(P, C, S, W, i, interval):
-    """Whether an arc about surface i that takes `interval` is within the states' absolute tolerances of 0."""
-    speed = approach_speed(P, S, i, W)
-    tolerance = 0.0
-    for e in range(P.dh_row[i], P.dh_row[i + 1]):
-        tolerance += abs(W.dh[e]) * C.atol[P.dh_col[e]]
-    return 0.25 * abs(speed) * interval < tolerance  # the height of an arc
-
-
-@kernel
-def _is_over(P, C, S, W, i, last):
-    """Whether no more of the arcs about surface i is to be seen: they are low, or below what the clock tells."""
-    return last[1] <= _UNSEEN * time_size(S) or is_low(P, C, S, W, i, last[1])
-
-
-@kernel
-def is_passed(P, C, S, W, j):
+def is_passed(S, j):
     """Whether the accumulation point of surface j is as near as its intervals let it come."""
     span, left = time_size(S), time_left(S.last[j])
     near = left <= WITHIN_ROUNDING * span or (left <= _SLOW * span and S.last[j, 1] <= 10.0 * AT_ONCE * span)
-    return near and _is_over(P, C, S, W, j, S.last[j])
+    return near and have_shrunk(S.last[j], left, SHRUNK, span)
 
 
 @kernel
@@ -88,13 +79,14 @@ def _is_lost(P, S, W, i, interval):
 
 
 @kernel
-def _is_minute(P, C, S, W, j):
+def _is_minute(P, S, W, j):
     """Whether the arcs about surface j, followed to their limit, are too short or too low to be followed longer."""
     if W.step.nears != SWITCHING or W.step.leader != j or W.step.turns < 3:
         return False
     next_height = 0.25 * abs(approach_speed(P, S, j, W)) * S.last[j, 1] * S.last[j, 2]
     low = P.surface_state[j] < 0 and next_height <= _LOWEST * surface_size(P, S, j, W)
-    return low or (time_left(S.last[j]) <= _SHORTEST * time_size(S) and _is_over(P, C, S, W, j, S.last[j]))
+    span, left = time_size(S), time_left(S.last[j])
+    return low or (left <= _SHORTEST * span and have_shrunk(S.last[j], left, _SHRUNK_ARCS, span))
 
 
 @kernel
@@ -129,7 +121,7 @@ def _comes_to_rest(P, S, W, i):
 
 
 @kernel
-def events_accumulate(P, C, S, R, W):
+def events_accumulate(P, S, R, W):
     """Whether the events that fired at this instant (W.firing.due >= ACTS) come in intervals that shrink to nothing.
 
     What a system does beyond is not for its events to say: the run ends at the limit time, which S is moved to. A
@@ -143,7 +135,7 @@ def events_accumulate(P, C, S, R, W):
         if time_to_last_event(W.firing.last[i], True, time_size(S)) == math.inf:
             continue
         left = time_to_last_event(W.firing.last[i], _was_lost(P, S, W, i), time_size(S))
-        if left == math.inf or not _is_over(P, C, S, W, P.m + i, W.firing.last[i]):
+        if left == math.inf:
             continue
         for j in range(P.m):
             if _comes_to(S.last[j], t + left) and left > 0.1 * WITHIN_ROUNDING * time_size(S):
@@ -167,8 +159,8 @@ def pass_accumulation(P, C, S, R, W):
     if leader < 0 or not left < _CLOSE * time_size(S):
         return NOTHING
     lost = P.kind[leader] < CONTACT and _is_lost(P, S, W, leader, S.last[leader, 1])
-    minute = P.kind[leader] < CONTACT and _is_minute(P, C, S, W, leader)
-    if not lost and not minute and not is_passed(P, C, S, W, leader):
+    minute = P.kind[leader] < CONTACT and _is_minute(P, S, W, leader)
+    if not lost and not minute and not is_passed(S, leader):
         return NOTHING
     if minute:
         go_on_as_arcs(P, S, W, left)

@@ -146,7 +146,7 @@ def events(P, C, S, R, W):
             S.deflate[m + i] = 0
         if firing.left[i] == THROUGH:
             instant.hit[m + i] = True
-    if code == GO_ON and events_accumulate(P, C, S, R, W):
+    if code == GO_ON and events_accumulate(P, S, R, W):
         return Outcome.EVENTS_ACCUMULATE
     return code
 

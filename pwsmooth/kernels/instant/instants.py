@@ -43,7 +43,7 @@ from ..surface.layer import LEAVE_FOLD
 from ..surface.sliding import keep_on_surface, surface_rounding
 from ..surface.sparse import link
 from ..work import Work
-from .accumulation import AT_ONCE, at_once_within, is_low, is_passed, pass_accumulation
+from .accumulation import AT_ONCE, at_once_within, is_passed, pass_accumulation
 from .contacts import UNCHANGED, outcome_of, part_or_press, settle_contacts, stop_closed
 from .discs import free_components, resettle_discs, settle_discs, slip_by_layer
 from .firing import events, sides_after_crossing, sides_after_jump, step_inside
@@ -142,6 +142,16 @@ def _arrivals(P, C, S, R, W, size, jumped):
 
 
 @kernel
+def _is_minute(P, C, S, W, j, interval):
+    """Whether an arc about surface j that takes `interval` is within the states' absolute tolerances of 0."""
+    speed = approach_speed(P, S, j, W)
+    tolerance = 0.0
+    for e in range(P.dh_row[j], P.dh_row[j + 1]):
+        tolerance += abs(W.dh[e]) * C.atol[P.dh_col[e]]
+    return 0.25 * abs(speed) * interval < tolerance  # the height of an arc
+
+
+@kernel
 def _look_at_arcs(P, C, S, W, j):
     """Overwrites the tolerances of the arcs to come: those about surface j may shrink to nothing in finite time."""
     leads = W.step.nears == SWITCHING and W.step.leader == j
@@ -207,7 +217,7 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
             if singular:
                 _look_at_arcs(P, C, S, W, j)
             interval = arc_ahead(P, S, W, j) if singular else S.last[j, 1]
-            S.minute = S.minute + 1 if is_low(P, C, S, W, j, interval) else 0
+            S.minute = S.minute + 1 if _is_minute(P, C, S, W, j, interval) else 0
             told = singular and P.kind[j] == SECOND_ORDER  # an arc that has not been seen yet
             if S.minute > 0 and told and come_to_rest(P, C, S, R, W, j, 0.0):
                 S.minute = 0
@@ -357,7 +367,7 @@ def at_instant(P, C, S, R, W):
     only = only_one(P, S, W) if fold < 0 and instant.at_clock == 0 else -1
     if only >= 0:
         code = cross_stick_or_leave(P, S, R, W, only)
-        if code != NOTHING and (code != GO_ON or not is_passed(P, C, S, W, only)):
+        if code != NOTHING and (code != GO_ON or not is_passed(S, only)):
             record_point(P, S, R)
             return code
         if code == NOTHING:

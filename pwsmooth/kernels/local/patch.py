@@ -255,13 +255,13 @@ def gather(A, P, C, S, W, t):
             j = number_of(E, b, M, k)
             S.mult[j], S.status[j] = A.mult[i, b], A.status[i, b]
             some = some or (not known and S.status[j] == SOLVED)
-            for c in range(6):
+            for c in range(S.last.shape[1]):
                 S.last[j, c] = A.last[i, b, c]
             W.meeting.exit_side[j] = A.exit_side[i, b]
         for b in range(E.ne):
             j = number_of(E, E.nm + b, M, k) - P.m
             S.side[j] = A.side[i, b]
-            for c in range(6):
+            for c in range(S.last.shape[1]):
                 W.firing.last[j, c] = A.fired[i, b, c]
         for b in range(E.nm + E.ne):
             j = number_of(E, b, M, k)
@@ -322,12 +322,12 @@ def scatter(A, P, S, W, count):
             j = number_of(E, b, M, k)
             A.mult[i, b], A.status[i, b] = S.mult[j], S.status[j]
             A.exit_side[i, b] = W.meeting.exit_side[j]
-            for c in range(6):
+            for c in range(S.last.shape[1]):
                 A.last[i, b, c] = S.last[j, c]
         for b in range(E.ne):
             j = number_of(E, E.nm + b, M, k) - P.m
             A.side[i, b] = S.side[j]
-            for c in range(6):
+            for c in range(S.last.shape[1]):
                 A.fired[i, b, c] = W.firing.last[j, c]
         for b in range(E.nm + E.ne):
             j = number_of(E, b, M, k)

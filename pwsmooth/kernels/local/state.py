@@ -152,8 +152,8 @@ class Assembly(Bundle):
     grazed: "f8[elements, nm + ne]"
     graze_crosses: "i1[elements, nm + ne]"
     widest: "f8[elements, nm + ne]"
-    last: "f8[elements, nm, 6]"
-    fired: "f8[elements, ne, 6]"
+    last: "f8[elements, nm, 7]"
+    fired: "f8[elements, ne, 7]"
     every: "f8[elements, nt]"  # periods of the others
     tick: "i8[elements, nt]"  # which instant is next
     slip_share: (

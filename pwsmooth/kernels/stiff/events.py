@@ -80,7 +80,7 @@ def start_sides(s, t, x):
         k = s.remembers[j]
         s.side[j] = x[k] if k >= 0 else _sign(s.level[j])
         s.met[j] = 1 if k < 0 and s.carried[j] != TIMED and abs(s.level[j]) <= s.rounding[j] else 0
-        s.fired[6 * j] = t
+        s.fired[7 * j] = s.fired[7 * j + 6] = t
 
 
 @kernel
@@ -322,7 +322,7 @@ def _accumulate(s, coefficients, degree, t, h, theta, when):
     (accumulation.py): the last record is then of their limit."""
     sample(s, coefficients, degree, t, h, 0.0, theta)
     for j in range(s.e):
-        last = at(s.fired, 6 * j)
+        last = at(s.fired, 7 * j)
         if s.due[j] < ACTS or s.carried[j] == TIMED or s.remembers[j] >= 0 or when <= last[0]:
             continue
         note_interval(last, when)

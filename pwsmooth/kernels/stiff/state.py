@@ -119,7 +119,7 @@ class Core(Bundle):
     level: "f8*[e]"  # surfaces at an instant
     was: "f8*[e]"  # and before the last update
     rounding: "f8*[e]"  # what the last digits of the states make of them
-    fired: "f8*[e, 6]"  # rows of intervals.py
+    fired: "f8*[e, 7]"  # rows of intervals.py
     before: "f8*[n]"
     after: "f8*[n]"
     times: "f8*[capacity]"  # of the points
