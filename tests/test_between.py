@@ -9,7 +9,7 @@ import pytest
 import sympy as sp
 from family_models import template_from
 
-from pwsmooth import Event, Family, Outcome, System, Unilateral, solve
+from pwsmooth import Event, Family, Outcome, Switch, System, Unilateral, solve
 from pwsmooth.codegen.families.fields import FamilyFields
 from pwsmooth.codegen.families.writing import write_family_jets
 from pwsmooth.paths.problem import compiled_problem
@@ -276,3 +276,93 @@ def test_a_model_with_contacts_between_neighbours_is_written_and_read():
     system = pile(9)
     again = System._read(read(write(system._written())))
     assert again.model == system.model
+
+
+# ---- friction between neighbours
+
+
+def plates(n, friction=0.5, notation=False, least=1):
+    """Plates of mass 1 on each other, which rub; the lowest one on the ground."""
+    family = Family(n)
+    (v,) = family.symbols("v")
+    below = Switch("s", v - family.neighbour(v, -1, outside=0))
+    down, up = below, family.neighbour(below, 1)
+    if notation:
+        down, up = sp.sign(v - family.neighbour(v, -1, outside=0)), sp.sign(family.neighbour(v, 1) - v)
+    with template_from(least):
+        return System({v: friction * (up - down)}, time=t)
+
+
+@pytest.mark.parametrize("notation", [False, True])
+@pytest.mark.parametrize(("least", "local"), [(1, False), (1, True), (10**9, False)])
+def test_plates_come_to_rest_on_each_other_from_above(notation, least, local):
+    """v_i = i: all but the highest are pulled and held back alike; k plates slow down together from k n on."""
+    n = 12
+    if notation and least == 1:
+        pytest.skip("the lowest rubs on the ground, which is no neighbour's: written out")
+    system = plates(n, notation=notation, least=least)
+    assert (system.model.families is not None) == (least == 1)
+    run = solve(system, (0, 200), {"v": np.arange(1.0, n + 1)}, t_eval=[0, 200], local=local or None, **TIGHT)
+    assert run.success and {e.kind for e in run.events} == {"stick"}
+    sticks = np.arange(1, n + 1)
+    assert run.event_times("stick") == pytest.approx(sticks * (sticks + 1) / 2 / 0.5, rel=1e-12)
+    assert np.abs(run.x[:, -1]).max() < 1e-14
+
+
+def shaken(n, notation=False, least=1, periodic=False):
+    """Sliders of different mass on springs of their own, each shaken in its own phase, that rub on the next one."""
+    family = Family(n, periodic=periodic)
+    x, v = family.symbols("x v")
+    (m,) = family.symbols("m", positive=True)
+    after = family.neighbour(v, 1)
+    rub = Switch("s", after - v)
+    pull = rub - family.neighbour(rub, -1)
+    if notation:
+        pull = sp.sign(after - v) - sp.sign(v - family.neighbour(v, -1))
+    force = 0.3 * pull - x + 1.2 * sp.sin(t + (0 if periodic else family.index))
+    with template_from(least):
+        return System({x: v, v: force / m}, time=t, parameters={m: [1 + 0.1 * i for i in range(n)]})
+
+
+@pytest.mark.parametrize("notation", [False, True])
+def test_sliders_that_rub_are_those_written_out_and_those_by_elements(notation):
+    start = {"x": 0.0, "v": [0.1 * (-1) ** i * i for i in range(10)]}
+    whole, written, by_elements = (
+        solve(shaken(10, notation, least), (0, 20), start, t_eval=[0, 5, 20], local=local, **TIGHT)
+        for least, local in ((1, False), (10**9, False), (1, True))
+    )
+    assert len(whole.events) == len(written.events) == len(by_elements.events) == 60
+    kinds = [e.kind for e in whole.events]
+    assert kinds == [e.kind for e in written.events] == [e.kind for e in by_elements.events]
+    for other in (written, by_elements):
+        np.testing.assert_allclose(other.x, whole.x, rtol=0, atol=1e-11)
+
+
+def test_the_generated_text_of_friction_between_neighbours_does_not_know_how_many_there_are():
+    texts = []
+    for n in (9, 300):
+        model = shaken(n).model
+        texts.append(FamilyFields(model).write() | write_family_jets(model))
+    assert texts[0] == texts[1]
+
+
+def test_friction_between_neighbours_is_smoothed_and_its_momentum_stays():
+    n = 9
+    speeds = [(-1) ** i * (1 + 0.1 * i) for i in range(n)]
+    family = Family(n, periodic=True)
+    (v,) = family.symbols("v")
+    rub = Switch("s", family.neighbour(v, 1) - v)
+    with template_from(1):
+        ring = System({v: rub - family.neighbour(rub, -1)})
+    assert ring.model.families is not None
+    exact = solve(ring, (0, 0.6), {"v": speeds}, **TIGHT)
+    smooth = solve(ring.smoothed(1e-4, "tanh"), (0, 0.6), {"v": speeds}, rtol=1e-9, atol=1e-11)
+    assert len(exact.events) == 2
+    assert exact.x[:, -1].sum() == pytest.approx(sum(speeds), abs=1e-13)
+    np.testing.assert_allclose(smooth.x[:n, -1], exact.x[:, -1], rtol=0, atol=1e-3)
+
+
+def test_a_multiplier_of_another_family_is_no_neighbours():
+    (v,), other = Family(9).symbols("v"), Family(9, name="other")
+    with pytest.raises(TypeError, match="give a symbol of this family"):
+        other.neighbour(Switch("s", v), 1)

@@ -107,7 +107,7 @@ def assert_same(name, one, other, bound):
     np.testing.assert_allclose(other.x[:, -1], one.x[:, -1], rtol=0, atol=bound)
 
 
-# Twenty powers of the rate of a direction that turns ever faster, beside a disc's rest, go beyond the numbers from 1e8 on.
+# Beside a disc's rest the direction turns ever faster: from 1e8 on twenty powers of its rate go beyond the numbers.
 @pytest.mark.parametrize(
     ("name", "factor"),
     [(name, f) for name in PACED for f in (1e-10, 1e-7, 1e-4, 1e4, 1e7, 1e9) if name != "disc" or f < 1e8],

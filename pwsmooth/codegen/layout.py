@@ -73,10 +73,13 @@ class Layout:
         ]
         self.states, self.parameters = template.families("states"), template.families("parameters")
         self.multipliers, self.events = template.families("multipliers"), template.families("events")
+        # Multipliers that elements beside a patch give it stand behind the parameters.
+        self.felt = template.felt if patch else ()
+        given = (*self.parameters, *(self.multipliers[b] for b in self.felt))
         self.surfaces = (*self.multipliers, *self.events)
         self.starts = {
             "x": starts(self.states), "dx": starts(self.states), "xnew": starts(self.states),
-            "p": starts(self.parameters), "mult": starts(self.multipliers), "mask": starts(self.multipliers),
+            "p": starts(given), "mult": starts(self.multipliers), "mask": starts(self.multipliers),
             "g": starts(self.multipliers), "h": starts(self.surfaces),
         }  # fmt: skip
         self.periodic = template.periodic
@@ -88,10 +91,12 @@ class Layout:
             return f"{array}[{start}]"
         index = neighbour(family, offset) if offset else f"i{family}"
         found = f"{array}[{start + ' + ' if start != '0' else ''}{index}]"
-        # Of what a patch reads of others the contacts are open.
-        return (
-            f"choose({index} < m{family}, {found}, 0.0)" if offset and self.patch and array == "mult" else found
-        )
+        if not (offset and self.patch and array == "mult"):
+            return found
+        # Of what a patch reads of others the contacts are open, and friction is that of slip.
+        given = len(self.parameters) + self.felt.index(block) if block in self.felt else None
+        other = "0.0" if given is None else self.place("p", given, family, offset)
+        return f"choose({index} < m{family}, {found}, {other})"
 
     def text(self, array: str, count: Count) -> str:
         """A place in an array, in generated code."""

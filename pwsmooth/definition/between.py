@@ -1,20 +1,22 @@
-"""What stands between an element and its neighbours: surfaces that read both, and contacts that push both.
+"""What stands between an element and its neighbours: surfaces that read both, contacts and friction that push both.
 
     h = h(z_i, z_j):   dh/dt = h_t + (grad_i h) . f_i + (grad_j h) . f_j,     f_j: the rates of the element, in j
     contact            z_i+ = z_i + J df_i/dR_i,   z_j+ = z_j + J df_j/dR_i   with the J that makes  h'+ = -e h'-
 
 A surface belongs to the element in which it is written. One that switches without being held (a kink, a crossing) may
-be written at either end of a link; each end then has its own.
+be written at either end of a link; each end then has its own. Friction that may hold is one: what the other end says of
+it is the neighbour's multiplier.
 Chain: expansion.py -> **this file** -> one_element.py.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import chain, combinations
 
 import sympy as sp
 
-from .model import Beside, Multiplier
+from .model import Beside, Multiplier, Select
 from .regularity import total_derivative
 from .template import LINKED, Place
 
@@ -26,12 +28,12 @@ class NoTemplate(ValueError):
 class Neighbours:
     """Expressions of an element as those of its neighbours; adds the symbols that these need to `places`.
 
-    `field` is that of one element; of `contacts` the reactions are 0 beyond an end of the chain.
+    `field` is that of one element; `reactions` and multipliers that `hold` are 0 beyond an end of the chain.
     """
 
     def __init__(self, field, places, periodic):
         self.places, self.periodic = places, periodic
-        self.reactions = {R for R, *_ in field.contacts}
+        self.reactions, self.hold = {R for R, *_ in field.contacts}, set()
         self.take(field)
 
     def take(self, field):
@@ -53,6 +55,11 @@ class Neighbours:
     def _moved(self, s, offset, known):
         place = self.places[s]
         tables = max(offset, place.offset) >= LINKED
+        if place.base is None and not place.offset and not tables and not self.periodic[place.family]:
+            return s + offset  # the number of the element
+        if place.base is None and place.offset and not tables:
+            # A neighbour on this side has all between it and the element; on the other, what lies beyond it.
+            return self.absent(place.family, place.offset + offset) if place.offset * offset > 0 else sp.S.Zero
         if place.base is None or (tables and place.offset):
             if known:
                 raise NoTemplate("neighbours of neighbours by a table")
@@ -68,7 +75,7 @@ class Neighbours:
 
     def symbol(self, base, family, offset, outside):
         """The symbol of a neighbour."""
-        if base in self.reactions:
+        if base in self.reactions | self.hold:
             outside = sp.S.Zero
         if self.periodic[family] and offset < LINKED:
             outside = None
@@ -129,16 +136,83 @@ class Neighbours:
                 h = (1 - gone) * h + gone
         return h
 
-    def never_zero(self, h):
-        """The surface of a switch, that nowhere vanishes at all times."""
+    def none_at_an_end(self, h):
+        """1 in elements in which the surface of a switch is 0 at all times, as there is no neighbour, else 0."""
         for missing in self._missing(h):
             beside = {s: self.places[s].outside for s in self.of(h) if self.places[s].offset in missing}
             if sp.expand(h.xreplace(beside)) == 0:
                 if len(missing) > 1:
                     raise NoTemplate("a surface between several neighbours")
                 (offset,) = missing
-                return h + self.absent(next(self.places[s].family for s in beside), offset)
-        return h
+                return self.absent(next(self.places[s].family for s in beside), offset)
+        return sp.S.Zero
+
+    # ---- friction between neighbours
+
+    def may_hold(self, lam, h):
+        """Whether a switch between neighbours moves them apart or together where its surface stands at 0."""
+        if not self.of(h):
+            return False
+        force = self.along(h, known=False).diff(lam)
+        x = next((s for s in sorted(h.free_symbols, key=str) if h.diff(s).is_number and h.diff(s) != 0), None)
+        return sp.expand(force if x is None else force.subs(x, sp.solve(h, x)[0])) != 0
+
+    def take_friction(self):
+        """The field in which friction between neighbours is one multiplier, and none beyond an end of the chain."""
+        switches = list(self.field.switches)
+        self.hold = {lam for lam, h in switches if self.may_hold(lam, h)}
+        for lam, h in switches:
+            other = self._as_of_neighbour(lam, h) if lam in self.hold else None
+            if other is not None:
+                self._rewrite({lam: other}, without=lam)
+        for lam, h in self.field.switches:
+            if lam in self.hold and (gone := self.none_at_an_end(h)) != 0:
+                self._rewrite({lam: (1 - gone) * lam})
+        return self.field
+
+    def _rewrite(self, changed, without=None):
+        """Puts other expressions for a multiplier in the rates, where it may stand as a factor alone."""
+        field = self.field
+        (lam,) = changed
+        elsewhere = [
+            *(h for _, h in field.switches),
+            *(r for _, r in field.algebraic),
+            *(e for _, e in field.outputs),
+        ]
+        elsewhere += [e for _, gap, e0 in field.contacts for e in (gap, e0)]
+        elsewhere += [
+            e for event in field.events for e in (event.surface, event.when, *(e for _, e in event.update)) if e
+        ]
+        chosen = [c for e in field.rates for c in e.atoms(Select, sp.Piecewise) if lam in c.free_symbols]
+        if chosen or any(lam in e.free_symbols for e in elsewhere):
+            raise NoTemplate("friction between neighbours that is more than a force")
+        self.hold.discard(without)
+        self.take(
+            replace(
+                field,
+                rates=tuple(e.xreplace(changed) for e in field.rates),
+                switches=tuple((s, h) for s, h in field.switches if s != without),
+            )
+        )
+
+    def _as_of_neighbour(self, lam, h):
+        """+-lambda of the neighbour to which the same surface belongs as well; None where there is none."""
+        offsets = {self.places[s].offset for s in self.of(h)}
+        if len(offsets) != 1 or min(offsets) >= LINKED or max(offsets) > 0:
+            return None  # the surface is that of the element before
+        (offset,) = offsets
+        for own, other in self.field.switches:
+            if (
+                own == lam
+                or own not in self.hold
+                or {self.places[s].offset for s in self.of(other)} != {-offset}
+            ):
+                continue
+            there = self.at(other, offset)
+            for sign in (1, -1):
+                if sp.expand(h - sign * there) == 0:
+                    return sign * self.symbol(own, self.places[own].family, offset, sp.S.Zero)
+        return None
 
     def _missing(self, h):
         """Sets of neighbours that an element may lack."""

@@ -114,7 +114,7 @@ class Expansion:
     def _primitive(self, s, k):
         if not involved(s):
             return s
-        if isinstance(s, Reaction) and k is not None and self.has_no(s.gap, k):
+        if k is not None and self.has_no(s.gap if isinstance(s, Reaction) else s.surface, k):
             return sp.S.Zero
         if not members(s):  # only inside of sums
             return self._rebuilt(s, s.name, None)

@@ -171,14 +171,14 @@ class Family:
 
         Parameters
         ----------
-        member : Member, MemberMemory or Reaction
-            A symbol of this family, a memory, or the reaction of a contact of its elements.
+        member : Member, MemberMemory, Switch or Reaction
+            A symbol of this family, a memory, or the multiplier of a switch or a contact of its elements.
         offset : int
             Places; negative ones are before.
         outside : Expr, optional
             What stands for it beyond an end of the chain; by default the member itself, which makes the ends
-            free (differences vanish there), and 0 for a reaction. A contact or an event whose surface then reads
-            nothing of the neighbour is none of that element.
+            free (differences vanish there), and 0 for a multiplier. A contact, an event or a switch whose surface
+            then reads nothing of the neighbour is none of that element.
 
         Returns
         -------
@@ -190,13 +190,15 @@ class Family:
         ValueError, TypeError
             `outside` in a periodic family; a symbol of another one.
         """
-        held = isinstance(member, (MemberMemory, Reaction)) and {m.family for m in members(member)} == {self}
+        held = isinstance(member, (MemberMemory, Switch, Reaction)) and {m.family for m in members(member)} == {
+            self
+        }
         if not held and (not isinstance(member, Member) or member.family != self):
             raise TypeError(f"`member` is {checks.shown(member)}; give a symbol of this family.")
         offset = checks.whole(offset, "`offset`", -self.n, self.n)
         if self.periodic and outside is not None:
             raise ValueError("`outside` has no meaning in a periodic family, which has no ends.")
-        free = sp.S.Zero if isinstance(member, Reaction) else member
+        free = sp.S.Zero if isinstance(member, (Switch, Reaction)) else member
         outside = free if outside is None else checks.expression(outside, "`outside`")
         if held:
             return OfNeighbour(member, self, offset, outside)
@@ -456,7 +458,7 @@ class MemberMemory(Memory):
 
 
 class OfNeighbour(sp.Symbol):
-    """A memory of a neighbour, or the reaction of a contact of its; made by `Family.neighbour`."""
+    """A memory or a multiplier of a neighbour; made by `Family.neighbour`."""
 
     __slots__ = ("family", "of", "offset", "outside")
 

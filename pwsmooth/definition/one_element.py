@@ -283,12 +283,14 @@ def _template(plain, one):
             places[lam] = places[renamed[lam]] = Place(number, renamed[lam])
     field = field.map(lambda e: e.xreplace(renamed))
     field = replace(field, switches=tuple((renamed.get(lam, lam), h) for lam, h in field.switches))
-    watch = watched(field, neighbours)
     beside.take(field)
+    field = beside.take_friction()
+    neighbours |= beside.of(sp.Tuple(*field.rates))
+    watch = watched(field, neighbours)
     mirrors = beside.mirrors([h for _, h in field.switches])
     field = replace(
         field,
-        switches=tuple((lam, beside.never_zero(h)) for lam, h in field.switches),
+        switches=tuple((lam, h + beside.none_at_an_end(h)) for lam, h in field.switches),
         events=tuple(
             e if e.surface is None else replace(e, surface=beside.where_there_is_one(e.surface))
             for e in field.events
@@ -328,23 +330,27 @@ def _template(plain, one):
     )
 
 
-def _check_couplings(multipliers, sums, places, field):
+def _check_couplings(multipliers, sums, places, field, hold):
     """The residual of an element must not depend on the multipliers of others: they would all couple.
 
-    But on the reactions of neighbours along a chain. Their factors have to stand, in the rates too: products with what
-    a patch reads of others are not made (codegen/families/memory.py).
+    But along a chain on the reactions of neighbours and on friction between them, and on what holds a neighbour that it
+    touches. Their factors have to stand, in the rates too: products with what a patch reads of others are not made
+    (codegen/families/memory.py).
     """
     constant = {
         *field.parameters,
         *(s for s, p in places.items() if p.base is None or p.base in field.parameters),
     }
     solved = {m.symbol for m in multipliers if m.may_be_solved}
-    reactions = {m.symbol for m in multipliers if m.kind == "contact"}
+    forces = {m.symbol for m in multipliers if m.kind == "contact"} | hold
+    switches = {m.symbol for m in multipliers if m.kind == "switch"}
     own, coupled = solved & places.keys(), False
     for m in multipliers:
         if m.symbol not in own:
             continue
-        free = m.residual.free_symbols
+        free, allowed = m.residual.free_symbols, forces
+        if m.surface is not None and any(places[s].offset for s in m.surface.free_symbols & places.keys()):
+            allowed = forces | switches  # what holds the neighbour, too
         for s in free & places.keys():
             if places[s].base not in solved or places[s].base == s:
                 continue
@@ -353,7 +359,7 @@ def _check_couplings(multipliers, sums, places, field):
                 e.diff(s) for e in (*field.rates, *(m.residual for m in multipliers)) if s in e.free_symbols
             ]
             moving = set().union(*(e.free_symbols for e in factors)) - constant
-            if places[s].base not in reactions or places[s].offset >= LINKED or moving:
+            if places[s].base not in allowed or places[s].offset >= LINKED or moving:
                 raise NoTemplate("elements that act on their neighbours' multipliers")
         waiting, inside = list(free & sums.keys()), set()
         while waiting:
@@ -411,7 +417,10 @@ def _multipliers(field, sums, places, beside):
     for index, ((lam, h), residual) in enumerate(zip(field.switches, residuals, strict=True)):
         if beside.of(h):
             ends = {s: sp.S.Zero for s, p in places.items() if p.base is None and p.offset}
-            result.append(_between(extended(h), index, unknowns, ends))
+            between = _between(extended(h), index, unknowns, ends)
+            if between.regularity == "sliding" and lam not in beside.hold:
+                raise NoTemplate("a switch that can hold neighbours together")
+            result.append(replace(between, residual=beside.along(h) if between.may_be_solved else sp.S.Zero))
             continue
         regularity, hidden = lowering.classify(lone, index, sampled(residual))
         if hidden and regularity == "sliding":
@@ -436,12 +445,12 @@ def _multipliers(field, sums, places, beside):
         after = tuple((i, new) for i, (old, new) in enumerate(zip(order, after, strict=True)) if new != old)
         result.append(Multiplier(R, "contact", residual, gap, impact=after))
     result += [Multiplier(a, "algebraic", r) for a, r in field.algebraic]
-    _check_couplings(result, inner | {s: e for s, (_, e) in more.items()}, places, field)
+    _check_couplings(result, inner | {s: e for s, (_, e) in more.items()}, places, field, beside.hold)
     return tuple(result), tuple((s, f, e) for s, (f, e) in more.items()), field, tuple(levels)
 
 
 def _between(field, index, unknowns, ends):
-    """The Multiplier of a switch whose surface reads neighbours: a kink or a crossing, which nothing holds.
+    """The Multiplier of a switch whose surface reads neighbours, without its residual.
 
     It is what it is where there is a neighbour: at the `ends` there is nothing to switch.
     """
@@ -450,10 +459,8 @@ def _between(field, index, unknowns, ends):
     if h.free_symbols & unknowns or sum(s in h.free_symbols for s in field.states) < 2:
         raise NoTemplate("a surface between neighbours that is no matter of two motions")
     residual = total_derivative(field.switches[index][1], field.time, field.states, field.rates)
-    regularity, _ = lowering.classify(field, index, residual)
-    if regularity == "sliding" or (
-        regularity == "crossing" and second_derivative(field, index, residual) is not None
-    ):
+    regularity, hidden = lowering.classify(field, index, residual)
+    if hidden or (regularity == "crossing" and second_derivative(field, index, residual) is not None):
         raise NoTemplate("a switch that can hold neighbours together")
     return Multiplier(lam, "switch", sp.S.Zero, h, regularity)
 

@@ -82,6 +82,15 @@ class Template:
         return tuple(b for b, _ in solved) if any(m.residual.free_symbols & beside for _, m in solved) else ()
 
     @cached_property
+    def felt(self) -> tuple[int, ...]:
+        """Blocks of switches whose multipliers stand in the rates of neighbours: friction between two elements."""
+        rates = set().union(*(e.free_symbols for e in self.model.rhs))
+        bases = {self.place[s].base for s in self.beside & rates}
+        return tuple(
+            b for b, m in enumerate(self.model.multipliers) if m.kind == "switch" and m.symbol in bases
+        )
+
+    @cached_property
     def place(self) -> dict[sp.Symbol, Place]:
         return dict(self.places)
 

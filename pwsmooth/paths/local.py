@@ -149,11 +149,13 @@ class _Run:
         dh_first, dh_block, dh_near = self._pattern(linear["DH_ROWS"])
         contact = np.flatnonzero(self.parts.kind[of_m] == names.CONTACT)
         self.contacts = len(contact)
-        surfaces = [m.surface for m in self.template.model.multipliers]
-        between = np.array([b for b in contact if surfaces[b].free_symbols & self.template.beside], np.int64)
+        between = [
+            b for b, m in enumerate(self.template.model.multipliers)
+            if m.may_be_solved and m.surface is not None and m.surface.free_symbols & self.template.beside
+        ]  # fmt: skip
         reads = [e for e in (*self.template.model.multipliers, *self.template.model.events)
                  if e.surface is not None and self.template.beside & e.surface.free_symbols]  # fmt: skip
-        acts = any(not isinstance(e, Multiplier) or e.kind == "contact" for e in reads)
+        acts = any(not isinstance(e, Multiplier) or e.may_be_solved for e in reads)
         self.groups, self.g_block, self.link_block = groups, g_block, link_block
         self.own_groups = sum(bool(own[group[0]]) for group in groups)  # exactly: their number is a loop's end
         self.group_block, self.dh_block = group_block, dh_block
@@ -171,7 +173,9 @@ class _Run:
         sizes = dict(ns=self.ns, nm=nm, ne=ne, nt=len(self.timed), nx=len(read), np=len(self.p_fixed))
         return local.Kind.zeros(
             sizes, ns=self.ns, nm=nm, ne=ne, np=len(self.own_parameters), nr=len(self.code.offsets),
-            target=self._targets(), contact=contact, between=between,
+            target=self._targets(), contact=contact, between=np.array(between, np.int64),
+            felt=np.array(self.template.felt, np.int64), felt_blocks=len(self.own_parameters),
+            felt_fixed=len(self.p_fixed) - len(self.own_parameters),
             coupled=np.array(self.template.linked, np.int64), reads_between=int(len(reads) > 0),
             acts_between=int(acts), g_near=g_near, dh_near=dh_near, link_near=link_near,
             together=int(self._act_together()), timed=np.array(self.timed, np.int64), at_first=at_first, at=at,
@@ -262,7 +266,8 @@ class _Run:
             "hubs": 0, "onset": 0, "room": 16,
             "contacts": min(self.contacts * self.n, _TOUCHING), "contact": self.contacts * members,
             "discs": 0, "pieces": 0, "polynomials": 0, "order": 0, "tapes": 0, "times": 0,
-            "p": len(self.p_fixed) - len(self.own_parameters) + len(self.own_parameters) * places,
+            "p": len(self.p_fixed) - len(self.own_parameters)
+            + (len(self.own_parameters) + len(self.template.felt)) * places,
             "g_col": entries, "link_col": len(self.link_block) * members, "dh_col": gradients,
             **{f"flat_{name}": int((1 + (members - 1) * of["flat_own"]).sum()) for name, of in self.rows.items()},
             "block_member": self.fixed_m + (len(self.group_block) + coupled) * members,

@@ -114,7 +114,7 @@ def walls(template: Any) -> bool:
     """Whether what others read of an element that sticks does not depend on its neighbours."""
     model = template.model
     sliding = [m for m in model.multipliers if m.kind == "switch" and m.regularity == "sliding"]
-    if not sliding or any(m.kind == "contact" for m in model.multipliers):
+    if not sliding or template.felt or any(m.kind == "contact" for m in model.multipliers):
         return False
     beside = {s for s, p in template.places if p.base is not None and p.offset}
     solved = [m for m in model.multipliers if m.kind == "algebraic" or m in sliding]

@@ -1,4 +1,5 @@
-"""Families whose elements touch: contacts with a floor and with each other, springs with a gap, bonds that break.
+"""Families whose elements touch: contacts with a floor and with each other, friction, springs with a gap, bonds that
+break.
 
 As assemblies.py: event by event of the elements beside the run of all. Floors with and without friction on top, hard
 rods and balls that return less, on springs and free, in chains, rings, lattices and graphs of up to 60 elements.
@@ -29,8 +30,10 @@ KINDS = (
     "balls",
     "floor and balls",
     "pile",
+    "rubbing",
 )
 PAIRS = (
+    "rubbing",
     "bonds",
     "hits",
     "rods",
@@ -84,6 +87,13 @@ def structure(seed):
         if kind == "floor and belt":
             (z, v) = family.symbols("z v")
             rates |= {z: v, v: over(lambda at: at(z) - z) - z - F * floor.reaction * Switch("lam", v - u)}
+    elif kind == "rubbing":
+        rub = Switch("rub", family.neighbour(w, 1) - w)
+        ahead, behind = rub, family.neighbour(rub, -1)
+        if r.random() < 0.5:
+            ahead, behind = sp.sign(family.neighbour(w, 1) - w), sp.sign(w - family.neighbour(w, -1))
+        force = F * ahead - family.neighbour(F, -1) * behind - k * y + pull + sp.sin(2 * t + g)
+        rates = {y: w, w: (force - c * w) / m}
     elif kind == "hits":
         # Equal balls swap what they have, and each hit takes a share of their speed.
         swap = {w: e * family.neighbour(w, 1), family.neighbour(w, 1): e * w}

@@ -12,8 +12,7 @@ from __future__ import annotations
 from ..graph.scalar import Writer
 from ..graph.slopes import derivative
 from ..layout import neighbour
-from .orders import FamilyOrderK
-from .sections import Root, Sections
+from .sections import Root
 from .sliding import FamilyGeneral
 
 MOST = 128  # multipliers that are solved for together
@@ -88,15 +87,7 @@ class FamilyCoupled(FamilyGeneral):
         start.line("    return 1")
         self.source.helpers |= {"lu_factor", "lu_solve"}
 
-    def _solve(self, code: FamilyOrderK, loop: Writer, final: bool) -> None:
-        scopes = [set(scope) for scope in code.scopes]
-        code.solving = True
-        roots = []
-        for f, own in self.own.items():
-            first, *others = [self.residual(j) for j in own]
-            roots.append(Root(first, f, lambda f=f: self._element_lines(f), tuple(others)))
-        preamble = (lambda lines, f: self._preamble(lines, f, False)) if final else None
-        Sections(code, preamble).write(roots)
+    def _solve_whole(self, loop: Writer, final: bool) -> None:
         loop.line("lu_solve(rows, D0, cc)")
         for f, own in self.own.items():
             loop.line(f"for i{f} in range(m{f}):")
@@ -105,7 +96,6 @@ class FamilyCoupled(FamilyGeneral):
                 loop.line(f"    rows[{place} + k] = 0.0")
                 loop.line(f"    if {self.layout.place('mask', j, f)} != 0:")
                 loop.line(f"        rows[{place} + k] = rows[right + {self._solved_number(f, j)}]")
-        code.solving, code.scopes = False, scopes
 
     def _element_lines(self, f: int) -> list[str]:
         lines = []

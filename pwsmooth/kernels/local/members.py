@@ -5,7 +5,7 @@ An event reaches its neighbourhood over links; what touches is reached at once, 
 
 from ..instant.surface_rates import evaluate_surfaces
 from ..machine.compiling import inlined_kernel, kernel
-from ..state import SLIDING, SOLVED
+from ..state import CONTACT, SLIDING, SOLVED
 from ..surface.sliding import surface_rounding
 
 SOON = 0.25  # of the time ahead: what is read expires so early that it is renewed too
@@ -199,7 +199,8 @@ def take_in_touching(A, P, S, W):
     for k in range(members):
         for c in range(len(E.between)):
             j = number_of(E, E.between[c], members, k)
-            if S.status[j] == SOLVED or W.meeting.tau[j] <= 0.0 or W.h[j] <= surface_rounding(P, S, j, W):
+            h = W.h[j] if P.kind[j] == CONTACT else abs(W.h[j])
+            if S.status[j] == SOLVED or W.meeting.tau[j] <= 0.0 or h <= surface_rounding(P, S, j, W):
                 take_in_readers(A, T.member[k])
                 for r in range(E.nr):
                     take_in(A, A.near[T.member[k], r])

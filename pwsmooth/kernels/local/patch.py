@@ -273,6 +273,8 @@ def gather(A, P, C, S, W, t):
         i = T.member[k]
         for b in range(E.np):
             P.p[E.p_fixed[b] + E.p_blocks[b] * places + k] = A.p[i, b]
+        for b in range(len(E.felt)):
+            P.p[E.felt_fixed + (E.felt_blocks + b) * places + k] = A.mult[i, E.felt[b]]
         for b in range(E.ns):
             S.x[b * places + k] = 0.0
             W.step.rows[b * places + k, :] = 0.0

@@ -51,8 +51,11 @@ class Kind(Bundle):
     dh_first: "i8[nm + ne + 1]"
     dh_block: "i8[:]"
     dh_near: "i8[:]"
-    contact: "i8[:]"  # blocks of contacts, and of those between neighbours
-    between: "i8[:]"
+    contact: "i8[:]"  # blocks of contacts
+    between: "i8[:]"  # of what may hold neighbours together: contacts, friction
+    felt: "i8[:]"  # blocks of friction between neighbours, and before its places among the parameters
+    felt_fixed: "int"  # numbers of the whole
+    felt_blocks: "int"  # blocks of elements
     coupled: "i8[:]"  # blocks of multipliers of which those of neighbours act on each other
     reads_between: "int"  # 1: surfaces read neighbours
     acts_between: "int"  # 1: and what happens there acts on states

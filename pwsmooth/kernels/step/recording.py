@@ -20,7 +20,7 @@ from ..state import (
 )
 from ..surface.sliding import INSIDE
 from ..surface.vector import begins
-from .onset import NODES, STAGES
+from .collocation import NODES, STAGES
 from .steps import dot, powers
 
 _LAST_MOMENTS = 256  # pieces of dense output that those of a slip in a disc may leave: closing.py

@@ -6,7 +6,7 @@ With a and b for r1 times those of log r and of n (n.b = 0; r1 is where they beg
     D = Jb + r1 (G_x dx + G_t dT + G_p q),   a' = b.G + n.D,   b' = D - (b.G + n.D) n - (n.G) b
     dT' = (r/r1) a,   dx' = (r/r1) (f a + f_lambda b + r1 (f_x dx + f_t dT + f_p q)),   J = dG/dlambda
 
-The first step of a slip is Radau's collocation (step/onset.py); its derivative is a linear collocation at its nodes.
+The first step of a slip is Radau's collocation (step/collocation.py); its derivative is a linear one at its nodes.
 """
 
 import math
@@ -15,8 +15,8 @@ from ..machine.compiling import kernel
 from ..machine.pointers import call_fields
 from ..state import SOLVED
 from ..step.closing import FARTHEST, error_of, next_step
-from ..step.onset import LAGRANGE, NODES, WEIGHTS
-from ..step.onset import STAGES as COLLOCATED
+from ..step.collocation import LAGRANGE, NODES, WEIGHTS
+from ..step.collocation import STAGES as COLLOCATED
 from ..surface.pair import STAGES, errors, stage_point
 from ..surface.sparse import solve_dense
 from .flow import invert, number_unknowns

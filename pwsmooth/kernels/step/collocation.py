@@ -1,0 +1,320 @@
+"""Radau's collocation (Hairer and Wanner 1996, IV.5): a step of slips whose equation is stiff, or has no rate at first.
+
+It never looks at the start of the step, is stable however stiff, and gives the bounded solution of an equation whose
+rate is infinite there. W.onset.y holds the states at the nodes: a guess before, the step's after.
+Chain: tables.py, surface -> **this file** -> onset.py, which knows where such a step is wanted, and guesses it.
+"""
+
+import math
+
+import numpy as np
+
+from ..machine.compiling import kernel
+from ..machine.pointers import call_fields, call_linear, call_newton
+from ..state import DISC, SOLVED
+from ..surface.sliding import mask_solved
+from ..surface.sparse import factor_dense, solve_factored
+from .tables import STAGES
+
+_LEGENDRE = np.polynomial.legendre
+_SWEEPS = 24
+_NARROW = 4  # sweeps with the slopes by the surfaces' states alone
+_DAMPED = 0.7  # of the way: by how much Newton's method changes it at most, lest it turns
+_CHORD = 0.05  # of the change before: by less a sweep serves with the slopes that it has
+_ALIKE = 1e-8  # of the way since the start: what Newton's method is content with where it comes no nearer
+_CHANGED = 1e-12  # of that way: the last change of Newton's method
+_HELD = 1e-10  # of the multipliers of other sticks: roundings of a direction are no less
+_ROUNDING, _BLURRED = 1e-15, 1e-3  # of the states, and of a rate: what roundings may make of it
+_DEFECT = 10.0  # tolerances: that of the polynomial, whose order is half of that of the step's end
+
+
+def _radau():
+    """Nodes in (0, 1] of Radau's quadrature with STAGES points, and integrals of their Lagrange polynomials to each."""
+    radau = np.zeros(STAGES + 1)
+    radau[-2:] = -1.0, 1.0
+    nodes = np.sort(_LEGENDRE.legroots(radau))
+    slope = _LEGENDRE.legder(radau)
+    for _ in range(3):
+        nodes -= _LEGENDRE.legval(nodes, radau) / _LEGENDRE.legval(nodes, slope)
+    nodes[-1] = 1.0
+    values = _LEGENDRE.legvander(nodes, STAGES - 1)
+    integrals = (
+        np.array([_LEGENDRE.legval(nodes, _LEGENDRE.legint(row, lbnd=-1)) for row in np.eye(STAGES)]).T / 2
+    )
+    # Coefficients in theta = (nodes + 1)/2 of the Lagrange polynomials, by columns.
+    powers = np.array(
+        [
+            np.polynomial.Polynomial(_LEGENDRE.leg2poly(row))(np.polynomial.Polynomial([-1, 2])).coef
+            if row[0] != 1
+            else np.eye(STAGES)[0]
+            for row in np.eye(STAGES)
+        ],
+        dtype=object,
+    )
+    table = np.zeros((STAGES, STAGES))
+    for i, coefficients in enumerate(powers):
+        table[: len(coefficients), i] = coefficients
+    inverse = np.linalg.inv(values)
+    return (nodes + 1) / 2, integrals @ inverse, table @ inverse
+
+
+NODES, WEIGHTS, LAGRANGE = _radau()
+_COLUMNS = WEIGHTS.T.copy()
+_RATES = np.linalg.inv(WEIGHTS)
+_BETWEEN = 0.5 * (NODES[-1] + NODES[-2])
+
+
+@kernel
+def rates(P, S, W, t):
+    """Overwrites W.dx, W.h, W.g with what the model gives at S.x; False where solved multipliers have no solution."""
+    keep, found = S.t, True
+    S.t = t
+    if W.onset.solves:
+        mask_solved(P, S, W)
+        found = call_newton(P.newton_unit, P, S, W) != 0
+    call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    S.t = keep
+    return found
+
+
+@kernel
+def integrate(W, h, rates):
+    """Overwrites onset.sums by the integrals up to the nodes of what has these values there."""
+    sums = W.onset.sums
+    for q in range(STAGES):
+        sums[q] = 0.0
+    for s in range(STAGES):
+        rate = h * rates[s]
+        for q in range(STAGES):  # by lanes
+            sums[q] += rate * _COLUMNS[s, q]
+
+
+@kernel
+def _nudge(P, W, q, i, reach):
+    """A change of state i that moves no slipping surface by more than a small part of what it is at node q."""
+    nudge = 1e-7 * (reach + abs(W.onset.y[q, i] - W.onset.x[i])) + 1e-300
+    for j in range(P.m):
+        if P.disc_of[j] >= 0 and W.onset.slips[P.disc_of[j]]:
+            for e in range(P.dh_row[j], P.dh_row[j + 1]):
+                if P.dh_col[e] == i and W.dh[e] != 0.0:
+                    size, slope = W.onset.size[P.disc_of[j]], abs(W.dh[e])
+                    # A surface that is no state is known to the rounding of what it is made of.
+                    rounding = 0.0 if P.surface_state[j] >= 0 else 1e-16 * slope * abs(W.onset.y[q, i])
+                    nudge = min(nudge, max(1e-6 * size, math.sqrt(rounding * size)) / slope)
+    return nudge
+
+
+@kernel
+def _stage(P, S, W, q, t):
+    """Overwrites onset.k[q], the rates at node q; False if none."""
+    onset = W.onset
+    for i in range(P.n):
+        S.x[i] = onset.y[q, i]
+    found = rates(P, S, W, t)
+    for i in range(P.n):
+        onset.k[q, i] = W.dx[i]
+        found = found and abs(W.dx[i]) < math.inf
+    return found
+
+
+@kernel
+def _slopes(P, S, W, q, t):
+    """Overwrites onset.slope[q], the derivatives by the states in onset.columns of what _stage has just left."""
+    onset, n, reach = W.onset, P.n, 0.0
+    for i in range(n):
+        reach = max(reach, abs(onset.y[q, i] - onset.x[i]))
+    for j in range(P.m):
+        onset.slips[j] = 0
+        if P.kind[j] == DISC and S.status[j] == 1:
+            onset.slips[j] = 1
+            onset.size[j] = math.sqrt(W.h[j])
+    call_linear(P.linear, t, S.x, S.mult, P.p, W.G, W.dh)
+    for c in range(onset.narrow):
+        i = onset.columns[c]
+        nudge, keep = _nudge(P, W, q, i, reach), S.x[i]
+        S.x[i] = keep + nudge
+        moved = S.x[i] - keep
+        if moved == 0.0:
+            moved = 4e-16 * abs(keep)
+            S.x[i] = keep + moved
+        rates(P, S, W, t)
+        for r in range(n):
+            onset.slope[q, r, c] = (W.dx[r] - onset.k[q, r]) / moved
+        S.x[i] = keep
+
+
+@kernel
+def _choose_columns(P, S, W, all_of_them):
+    """Overwrites onset.columns: the states of slipping surfaces, by which the rates are stiff, or all states."""
+    onset = W.onset
+    onset.narrow = 0
+    for i in range(P.n):
+        takes = all_of_them
+        for j in range(P.m):
+            if P.disc_of[j] >= 0 and S.status[P.disc_of[j]] == 1:
+                for e in range(P.dh_row[j], P.dh_row[j + 1]):
+                    takes = takes or P.dh_col[e] == i
+        if takes:
+            onset.columns[onset.narrow] = i
+            onset.narrow += 1
+
+
+@kernel
+def _factor(P, W, h):
+    """Factors the matrix of Newton's method for the states in onset.columns; False if it is singular."""
+    onset, A, width = W.onset, W.onset.matrix, W.onset.narrow
+    for q in range(STAGES):
+        for r in range(width):
+            row = q * width + r
+            for s in range(STAGES):
+                for c in range(width):
+                    A[row, s * width + c] = -h * WEIGHTS[q, s] * onset.slope[s, onset.columns[r], c]
+            A[row, row] += 1.0
+    return factor_dense(A, STAGES * width)
+
+
+@kernel
+def _newton_step(P, W, h):
+    """Overwrites onset.change by a step of Newton's method: of the states in onset.columns, and what the others make of
+    it."""
+    onset, n, width = W.onset, P.n, W.onset.narrow
+    for r in range(n):
+        integrate(W, h, onset.k[:, r])
+        for q in range(STAGES):
+            onset.change[r, q] = onset.x[r] - onset.y[q, r] + onset.sums[q]
+    for c in range(width):
+        for q in range(STAGES):
+            onset.rest[q * width + c] = onset.change[onset.columns[c], q]
+    solve_factored(onset.matrix, STAGES * width, onset.rest, onset.found)
+    for r in range(n):
+        for s in range(STAGES):
+            onset.rest[s] = 0.0
+            for c in range(width):
+                onset.rest[s] += onset.slope[s, r, c] * onset.found[s * width + c]
+        integrate(W, h, onset.rest)
+        for q in range(STAGES):
+            onset.change[r, q] += onset.sums[q]
+    # Of their own states what has been solved for, to the last bit.
+    for c in range(width):
+        for q in range(STAGES):
+            onset.change[onset.columns[c], q] = onset.found[q * width + c]
+
+
+@kernel
+def _rate_rounding(W, i):
+    """What roundings of the states make of rate i at the end of the step, at most a small part of it: h/|h| of a slip
+    that has hardly begun."""
+    onset, total = W.onset, 0.0
+    for c in range(onset.narrow):
+        total += abs(onset.slope[STAGES - 1, i, c] * onset.y[STAGES - 1, onset.columns[c]])
+    return min(_ROUNDING * total, _BLURRED * abs(onset.k[STAGES - 1, i]))
+
+
+@kernel
+def solve(P, C, S, W, t, h):
+    """Newton's method for the states at the nodes, with slopes anew where it is slow; whether it converges."""
+    onset, n = W.onset, P.n
+    before, anew = math.inf, True
+    _choose_columns(P, S, W, False)
+    for sweep in range(_SWEEPS):
+        if sweep == _NARROW and anew:
+            _choose_columns(P, S, W, True)
+        for q in range(STAGES):
+            if not _stage(P, S, W, q, t + NODES[q] * h):
+                return False
+            if anew:
+                _slopes(P, S, W, q, t + NODES[q] * h)
+        if anew and not _factor(P, W, h):
+            return False
+        _newton_step(P, W, h)
+        change, total = 0.0, 0.0
+        for i in range(n):
+            known = h * _rate_rounding(W, i)
+            for q in range(STAGES):
+                step = onset.change[i, q]
+                # Beside the way since the start: of a slip that has just begun its own size is what matters.
+                way = abs(onset.y[q, i] - onset.x[i]) + 10.0 * C.atol[i]
+                if onset.still[i] == 0:
+                    change = max(change, (abs(step) - 4e-15 * abs(onset.y[q, i]) - known) / way)
+                total += step
+        share = min(1.0, _DAMPED / change) if anew else 1.0
+        for q in range(STAGES):
+            for i in range(n):
+                onset.y[q, i] += share * onset.change[i, q]
+        if not abs(total) < math.inf or (anew and sweep > 12 and change > before):
+            return False
+        if change <= max(_CHANGED, 1e-2 * C.rtol) or (sweep > 2 and change <= _ALIKE and change > 0.5 * before):
+            return True
+        anew = change > _CHORD * before
+        before = change
+    return before <= _ALIKE
+
+
+@kernel
+def polynomials(P, S, W, h):
+    """Overwrites step.rows: states, multipliers, surfaces in powers of the time since the start."""
+    onset, n, m, rows = W.onset, P.n, P.m, W.step.rows
+    for r in range(n + 2 * m + P.ne):
+        for c in range(rows.shape[1]):
+            rows[r, c] = 0.0
+    # Rates from the states: the model's own know h/|h| of a slip that has just begun to a rounding over |h| only.
+    for q in range(STAGES):
+        for i in range(n):
+            onset.k[q, i] = 0.0
+            for s in range(STAGES):
+                onset.k[q, i] += _RATES[q, s] * (onset.y[s, i] - onset.x[i]) / h
+    for i in range(n):
+        rows[i, 0], rows[i, 1] = onset.x[i], onset.first[i]
+        scale = 1.0
+        for c in range(STAGES):
+            total = 0.0
+            for q in range(STAGES):
+                total += LAGRANGE[c, q] * (onset.k[q, i] - onset.first[i])
+            rows[i, c + 1] += total * scale / (c + 1)
+            scale /= h
+    for j in range(m):
+        rows[n + j, 0] = onset.mult[j]
+    for i in range(m + P.ne):
+        rows[n + m + i, 0] = onset.level[i]
+    # Of what is no state the values at the nodes, less that at the start, over the time since: one order less.
+    for q in range(STAGES):
+        for i in range(n):
+            S.x[i] = onset.y[q, i]
+        rates(P, S, W, S.t + NODES[q] * h)
+        for r in range(2 * m + P.ne):
+            now = S.mult[r] if r < m else W.h[r - m]
+            change = (now - rows[n + r, 0]) / NODES[q]
+            scale = 1.0 / h
+            for c in range(STAGES):
+                rows[n + r, c + 1] += LAGRANGE[c, q] * change * scale
+                scale /= h
+
+
+@kernel
+def misfit(P, C, S, W, h):
+    """The defect of the polynomials between the last two nodes, in units of the tolerance."""
+    rows, n, s, worst = W.step.rows, P.n, _BETWEEN * h, 0.0
+    for i in range(n):
+        value = rows[i, STAGES]
+        for c in range(STAGES - 1, -1, -1):
+            value = value * s + rows[i, c]
+        S.x[i] = value
+    if not rates(P, S, W, S.t + s):
+        return math.inf
+    for i in range(n):
+        slope = STAGES * rows[i, STAGES]
+        for c in range(STAGES - 1, 0, -1):
+            slope = slope * s + c * rows[i, c]
+        scale = C.atol[i] + C.rtol * max(abs(S.x[i]), h * abs(rows[i, 1]))
+        defect = (abs(slope - W.dx[i]) - _rate_rounding(W, i)) * h / (_DEFECT * scale)
+        if not defect < math.inf:
+            return math.inf
+        worst = max(worst, defect)
+    # What other sticks hold with decides when they end; that of one body is not unique until its motion says it.
+    for j in range(P.m):
+        if S.status[j] == SOLVED and W.onset.as_one == 0:
+            value = rows[n + j, STAGES]
+            for c in range(STAGES - 1, -1, -1):
+                value = value * s + rows[n + j, c]
+            worst = max(worst, abs(value - S.mult[j]) / (_DEFECT * max(C.rtol, _HELD) * (1.0 + abs(value))))
+    return worst
