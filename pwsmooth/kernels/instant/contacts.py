@@ -15,7 +15,7 @@ Chain: instants.py, starting.py -> **this file** -> sparse.py, sliding.py.
 
 import math
 
-from ..intervals import forget_intervals, note_interval
+from ..intervals import note_interval
 from ..machine.compiling import kernel
 from ..machine.pointers import call_act, call_fields, call_linear, call_newton
 from ..outcome import Outcome
@@ -51,7 +51,6 @@ def _open(S, R, j, order):
     S.status[j] = 1
     S.mult[j] = 0.0
     S.deflate[j] = order
-    forget_intervals(S.last[j], S.t)  # impacts that ended in its closing come to no other limit
     record_event(S, R, j, EV_OPENING, 0, 1)
 
 

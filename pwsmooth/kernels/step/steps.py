@@ -63,6 +63,7 @@ def variation(row, power, K):
     return sum8(total) - abs(at(row, 0))
 
 
+_TICKS = 4e-15  # of the time: some of its roundings
 _FLAT_REACH = 5.0  # exp(-5): within that of 0 the coefficients show all
 _FLAT_SHARE = 0.7  # of the way to 0, from farther
 SURFACE_ROUNDING = 1e-15  # below which a surface's series is noise, as of one that rests at 0
@@ -237,7 +238,7 @@ def reach_singular_surface(P, C, S, W, h):
         row = all_rows[i]
         if row >= 0 and S.deflate[i] == 0 and rows[row, 1] != 0.0:
             left = -rows[row, 0] / rows[row, 1]
-            if 0.0 < left < reach and _is_linear(P, C, S, W, left):
+            if 0.0 < left < reach and (left <= _TICKS * time_size(S) or _is_linear(P, C, S, W, left)):
                 # Rows further behind are what the programs keep from call to call.
                 top = max(P.n, mult_row + P.m)
                 for k in range(P.m + P.ne):
