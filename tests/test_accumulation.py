@@ -130,14 +130,14 @@ def test_a_ball_that_an_event_bounces_ends_at_the_limit_of_its_bounces(floor, dr
 
 @METHODS
 def test_each_of_two_balls_has_its_own_rhythm(method):
-    # The slower one's limit would be lost in intervals that are another's.
+    # The second one's bounces end at t = 14/3, the first one's at 4 sqrt(2).
     balls = System(
         {x: y, y: -1, z: v, v: -1},
-        events=[Event(x, update={y: -4 * y / 5}), Event(z, update={v: -v / 5})],
+        events=[Event(x, update={y: -3 * y / 5}), Event(z, update={v: -2 * v / 5})],
     )
-    solution = solve(balls, (0, 40), {x: 1, y: 0, z: 3, v: 0}, method=method)
+    solution = solve(balls, (0, 40), {x: 1, y: 0, z: 2, v: 0}, method=method)
     assert solution.outcome is Outcome.EVENTS_ACCUMULATE and solution.events[-1].switch == "event 2"
-    assert solution.t[-1] == pytest.approx(np.sqrt(6) * 1.5, abs=1e-7)
+    assert solution.t[-1] == pytest.approx(14 / 3, abs=1e-7)
 
 
 def test_events_accumulate_after_a_switch_has():

@@ -41,10 +41,10 @@ class Family:
     Notes
     -----
     From 8 elements on one element is lowered and the generated code loops over all, so that n does not matter for the
-    time to set up. Friction between neighbours, elements that act on each other's multipliers, hidden terms
-    on surfaces that slide (but for static friction, of 100 elements and more) and switches that can slide to second
-    order (relays on positions) have no template: their elements are written out, as are those of smoothed and layered
-    views. In large families an event costs its neighbourhood alone: see `solve`.
+    time to set up. Contacts and friction between neighbours by a table, elements that act on each other's multipliers
+    otherwise, hidden terms on surfaces that slide (but for static friction, of 100 elements and more) and switches that
+    can slide to second order (relays on positions) have no template: their elements are written out, as are those of
+    smoothed and layered views. In large families an event costs its neighbourhood alone: see `solve`.
 
     Examples
     --------
