@@ -16,6 +16,7 @@ from pwsmooth.scenes import (
     element_cloud,
     firing_lattice,
     granular_chain,
+    plate_stack,
     rate_state_train,
     t,
 )
@@ -168,6 +169,23 @@ def test_a_cradle_of_springs_or_of_rigid_balls_hands_its_speed_on():
         granular_chain(stiffness=1.0, restitution=0.5)
     with pytest.raises(ValueError, match="give 0 to 1"):
         granular_chain(restitution=1.5)
+
+
+@pytest.mark.parametrize("n", [5, 30])  # written out, and one for all
+def test_plates_come_to_rest_from_above_in_a_clamp_and_from_below_by_their_weight(n):
+    k = np.arange(1, n + 1)
+    for clamp, weight, joints, times in (
+        (2.0, 0.0, k[::-1], k * (k + 1) / 2 * 0.15 / 2.0),
+        (0.0, 0.5, k, k * 0.15 / 0.5),
+    ):
+        scene = plate_stack(n=n, m=1.5, shear=0.1, clamp=clamp, weight=weight)
+        run = scene.solve((0, 60), **TIGHT)
+        assert [event.switch for event in run.events] == [f"joint_{i}" for i in joints]
+        assert run.event_times("stick") == pytest.approx(times, rel=1e-11)
+        # What is left of the speeds of the joints falls by what rubs at the top, or at each plate.
+        assert run["slip"][0] == pytest.approx(0.1 * n) and np.abs(run.x[n:, -1]).max() < 1e-14
+    with pytest.raises(ValueError, match="give friction"):
+        plate_stack(clamp=0)
 
 
 @pytest.mark.parametrize(("k", "grows"), [(1.05, False), (0.95, True)])

@@ -65,6 +65,7 @@ USUAL: dict[str, Made] = {
     "block_lattice": Made("StribeckFriction", {"v_s": 0.5, "sigma2": 0.0}),
     "firing_lattice": made(None),
     "granular_chain": made(None),
+    "plate_stack": made(None),
     "rate_state_train": made(None),
     "element_cloud": Made("MaxwellSlip", {}, {"position": 2 * _SIN, "period": 2 * math.pi}),
 }

@@ -6,6 +6,7 @@ from .assemblies import (
     element_cloud,
     firing_lattice,
     granular_chain,
+    plate_stack,
     rate_state_train,
 )
 from .drive import t
@@ -43,6 +44,7 @@ __all__ = [
     "impact_oscillator",
     "incline",
     "planar_oscillator",
+    "plate_stack",
     "position_control",
     "prescribed_motion",
     "slider_crank",

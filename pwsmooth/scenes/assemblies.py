@@ -4,6 +4,8 @@
     u_i' = drive - leak u_i;   at u_i = 1 it fires: u_i = 0, and each neighbour gets share u_i
     m_i x_i'' = R_(i-1) - R_i,   0 <= gap + x_(i+1) - x_i  complementary to  R_i >= 0          balls in a row
 
+    m v_i' = F_(i+1) lambda_(i+1) - F_i lambda_i,  lambda_i = sign(v_i - v_(i-1))              plates that rub
+
     V_i of rate-and-state friction, quasi-dynamic: creep and slip over 19 decades of speed      sliders in a row
 
 They are small enough for a page by default; with `record=` a run of a hundred thousand elements is one of seconds.
@@ -19,7 +21,7 @@ import sympy as sp
 
 from ..definition import checks
 from ..definition.family import Family
-from ..definition.primitives import Event, Unilateral
+from ..definition.primitives import Event, Switch, Unilateral
 from ..laws import Law
 from ..system import System
 from . import sketches
@@ -331,6 +333,77 @@ def granular_chain(
                "momentum": "kg m/s"},
         note="Newton's law of impact, from ball to ball",
         sketch=sketches.row_of_balls(names, gap) if names else None,
+    )  # fmt: skip
+
+
+@door(
+    "m",
+    n=checks.integer(2, 128),
+    shear=checks.positive,
+    **dict.fromkeys(("clamp", "weight"), checks.nonnegative),
+)
+def plate_stack(
+    *, n: int = 20, m: float = 1.0, shear: float = 0.1, clamp: float = 1.0, weight: float = 0.0,
+    t_span: tuple[float, float] = (0.0, 25.0),
+) -> Scene:  # fmt: skip
+    """Plates that slide on each other, ever faster towards the top, and come to rest on the ground.
+
+    Parameters
+    ----------
+    n : int
+        Plates, 2 to 128.
+    m : float, kg
+        Mass of a plate, > 0.
+    shear : float, m/s
+        Speed of each plate over that of the one below at the start, > 0.
+    clamp : float, N
+        Friction between any two plates that a clamp presses together, >= 0.
+    weight : float, N
+        Friction that the weight of one plate makes in all joints below it, >= 0; one of the two is > 0.
+    t_span : (float, float), s
+        Suggested span.
+
+    Returns
+    -------
+    Scene
+        States x and v of each plate, from the ground up; output `slip`, the speeds of all joints added up.
+
+    Raises
+    ------
+    ValueError
+        No friction.
+
+    Notes
+    -----
+    What slides above and below pulls a clamped plate both ways alike: only the highest one is slowed down. It sticks
+    to the next one after m shear/clamp, both together to the one below that after twice as long, so that k plates move
+    as one from k (k - 1)/2 m shear/clamp on: rest comes from above, ever more slowly. Their own weight holds lower
+    joints harder; all slow down alike, and the joints close one after the other from below, every m shear/weight.
+
+    Examples
+    --------
+    >>> from pwsmooth.scenes import plate_stack
+    >>> run = plate_stack(n=20, clamp=1.0).solve((0, 25))
+    >>> print(len(run.events), f"{run.events[-1].time:.6f}", run.events[0].switch)
+    20 21.000000 joint_20
+    """
+    if clamp + weight == 0:
+        raise ValueError("`clamp` and `weight` are 0; give friction, at least one of the two > 0.")
+    family = Family(n)
+    x, v = family.symbols("x v")
+    (own,) = family.symbols("friction", nonnegative=True)
+    joint = Switch("joint", v - family.neighbour(v, -1, outside=0))
+    above = family.neighbour(own, 1, outside=0) * family.neighbour(joint, 1)
+    system = System(
+        {x: v, v: (above - own * joint) / mass},
+        parameters={own: [clamp + weight * (n - i) for i in range(n)], mass: m},
+        outputs={"slip": family.sum(sp.Abs(v - family.neighbour(v, -1, outside=0)))},
+    )
+    start = {f"x_{i}": 0.0 for i in range(1, n + 1)} | {f"v_{i}": shear * i for i in range(1, n + 1)}
+    return Scene(
+        "stack of plates", system, start, t_span, observables={"slip": "slip"},
+        units={"x": "m", "v": "m/s", "friction": "N", "mass": "kg", "slip": "m/s"},
+        note="Coulomb's law in every joint",
     )  # fmt: skip
 
 

@@ -605,6 +605,10 @@ def run(P, start, t, instants, log, found, margin, steps):
         sticks = not slips.all()
         if sticks:
             h = min(h, 0.03 / fastest)
+            for k in range(K):
+                # Near its bound lambda must not be back within a step: its arc is seen, however flat.
+                if not slips[k] and -1e-3 < g[k] < 0.0:
+                    h = min(h, max(0.03 * np.sqrt(-1e3 * g[k]), 1e-5) / fastest)
         error = step(P, Y, slips, h, F, y, lam, dy, new)
         if not error <= 1.0:
             h *= max(0.2, 0.9 * error**-0.125) if error < 1e300 else 0.2
