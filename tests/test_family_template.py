@@ -8,7 +8,7 @@ import pytest
 import sympy as sp
 from family_models import MODELS, SLIDING, both, t, template_from
 
-from pwsmooth import Event, Family, System, Unilateral, solve
+from pwsmooth import Event, Family, Switch, System, Unilateral, solve
 from pwsmooth.codegen import compile_model
 from pwsmooth.codegen.families.fields import FamilyFields
 from pwsmooth.codegen.families.writing import write_family_jets
@@ -267,7 +267,13 @@ def test_what_has_no_looped_form_is_written_out():
     balls = Unilateral(table.neighbour(y, 1) - y, restitution=0.5, name="R")
     for arguments in (
         {"rates": {y: w, w: -balls.reaction}, "contacts": [balls]},
-        {"rates": {y: w, w: -sp.sign(w - blocks.neighbour(w, 1)) - sp.sign(w - blocks.neighbour(w, -1))}},
+        {"rates": {y: w, w: table.sum(lambda at: sp.sign(at(w) - w)) - w}},
+        {
+            "rates": {
+                y: w,
+                w: (1 + y**2) * (rub := Switch("s", blocks.neighbour(w, 1) - w)) - blocks.neighbour(rub, -1),
+            }
+        },
         {"rates": {y: w, w: -sp.sign(y)}},
     ):
         model = System(**arguments).model
