@@ -366,3 +366,39 @@ def test_a_multiplier_of_another_family_is_no_neighbours():
     (v,), other = Family(9).symbols("v"), Family(9, name="other")
     with pytest.raises(TypeError, match="give a symbol of this family"):
         other.neighbour(Switch("s", v), 1)
+
+
+def test_a_hundred_plates_that_stick_as_one_are_told_without_a_layer():
+    """Where friction on masses holds them all, what their layer would come to is one zero: nothing is integrated."""
+    n = 110
+    run = solve(plates(n), (0, 30_000), {"v": np.arange(1.0, n + 1)}, t_eval=[0], **TIGHT)
+    sticks = np.arange(1, n + 1)
+    assert run.success and run.event_times("stick") == pytest.approx(sticks * (sticks + 1), rel=1e-11)
+    assert run.cost["layers"] <= 1
+
+
+def test_what_of_a_row_sticks_and_what_slips_on_is_the_layers_to_say():
+    """A plate comes to rest on one that its friction carries away: below it a joint opens as the one above closes."""
+    family = Family(9)
+    (v,) = family.symbols("v")
+    (strength,) = family.symbols("F", positive=True)
+    joint = Switch("s", v - family.neighbour(v, -1, outside=0))
+    above = family.neighbour(strength, 1, outside=0) * family.neighbour(joint, 1)
+    values = {strength: [0.5 if i < 5 else 1.5 for i in range(9)]}
+    runs = []
+    for least in (1, 10**9):
+        with template_from(least):
+            system = System({v: above - strength * joint}, parameters=values)
+        runs.append(solve(system, (0, 20), {"v": [0.0] * 8 + [3.0]}, t_eval=[0, 1, 20], **TIGHT))
+    one, other = runs
+    smooth = solve(
+        system.smoothed(1e-6, "tanh"),
+        (0, 20),
+        {"v": [0.0] * 8 + [3.0]},
+        rtol=1e-9,
+        atol=1e-11,
+        t_eval=[0, 1, 20],
+    )
+    np.testing.assert_allclose(one.x, other.x, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(smooth.x[:9], one.x, rtol=0, atol=5e-5)
+    assert len(one.events) > 3

@@ -324,9 +324,7 @@ y, w, a = blocks.symbols("y w a")
 other = Family(9, name="other")
 (z,) = other.symbols("z")
 REASONS = {
-    "its elements are written out": {
-        "rates": {y: w, w: -sp.sign(w - blocks.neighbour(w, 1)) - sp.sign(w - blocks.neighbour(w, -1))}
-    },
+    "its elements are written out": {"rates": {y: w, w: -sp.sign(y) - w}},
     "it has several families": {"rates": {y: -y, z: -z}},
     "a sum over the elements acts on them": {"rates": {y: blocks.sum(y) - y}},
     "some of its states belong to no element": {"rates": {y: v - y, v: -v}},

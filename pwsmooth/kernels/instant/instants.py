@@ -49,6 +49,7 @@ from .discs import free_components, resettle_discs, settle_discs, slip_by_layer
 from .firing import events, sides_after_crossing, sides_after_jump, step_inside
 from .holding import (
     AT_BOUND,
+    hold_as_one,
     hold_beside,
     hold_instead,
     hold_second_order,
@@ -108,7 +109,7 @@ def _arrivals(P, C, S, R, W, size, jumped):
                 S.mult[j] = 0.0
         if jumped:
             code = settle_together(P, S, R, W, size, joint)
-        else:
+        elif not hold_as_one(P, S, W, joint):
             code = settle_arrivals(P, S, R, W, joint)
             if code == GO_ON and size > 1:
                 try_other_ratio(P, S, R, W, size)
