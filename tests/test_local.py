@@ -325,6 +325,12 @@ other = Family(9, name="other")
 (z,) = other.symbols("z")
 REASONS = {
     "its elements are written out": {"rates": {y: w, w: -sp.sign(y) - w}},
+    "elements read the multipliers of others": {
+        "rates": {
+            y: blocks.neighbour(own := Switch("own", w), -1),
+            w: (rub := Switch("s", blocks.neighbour(w, 1) - w)) - blocks.neighbour(rub, -1) - own,
+        }
+    },
     "it has several families": {"rates": {y: -y, z: -z}},
     "a sum over the elements acts on them": {"rates": {y: blocks.sum(y) - y}},
     "some of its states belong to no element": {"rates": {y: v - y, v: -v}},

@@ -190,9 +190,8 @@ class Family:
         ValueError, TypeError
             `outside` in a periodic family; a symbol of another one.
         """
-        held = isinstance(member, (MemberMemory, Switch, Reaction)) and {m.family for m in members(member)} == {
-            self
-        }
+        held = isinstance(member, MemberMemory | Switch | Reaction)
+        held = held and {m.family for m in members(member)} == {self}
         if not held and (not isinstance(member, Member) or member.family != self):
             raise TypeError(f"`member` is {checks.shown(member)}; give a symbol of this family.")
         offset = checks.whole(offset, "`offset`", -self.n, self.n)

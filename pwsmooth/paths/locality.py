@@ -52,7 +52,15 @@ def why_global(model: Model) -> str:
     states = set(text.states)
     used = set().union(*(e.free_symbols for e in moving))
     read = {template.place[s].base for s in used & template.beside}
-    if read - states - set(text.parameters) - {text.multipliers[b].symbol for b in template.linked}:
+    linked = {text.multipliers[b].symbol for b in template.linked}
+    # What acts on two elements stands between them: they are renewed together.
+    acts = {template.place[s].base for s in template.beside & set().union(*(e.free_symbols for e in text.rhs))}
+    alone = {
+        mu.symbol
+        for mu in text.multipliers
+        if mu.surface is None or not mu.surface.free_symbols & template.beside
+    }
+    if read - states - set(text.parameters) - linked or acts & alone:
         return "elements read the multipliers of others"
     return _why_not_by_series(few_elements(template))
 

@@ -41,10 +41,8 @@ from .settling import close_contact, settle_at_rest
 from .surface_rates import approach_speed, stop_normal_speed
 
 AT_ONCE = 1e-13  # instants closer than this (relative to the time) are one instant
-_OF_A_STEP, _TICK = (
-    1e-8,
-    1e-15,
-)  # and where motions are fast beside the time, closer than this of a step; its rounding
+# Where motions are fast beside the time: closer than this part of a step, or than the rounding of the time.
+_OF_A_STEP, _TICK = 1e-8, 1e-15
 WITHIN_ROUNDING = 1e-11  # an accumulation point this close is passed
 _SLOW = 1e-9  # and one this close whose intervals come near to AT_ONCE: a ratio of 0.97 and more gets no nearer
 _CLOSE = 1e-4  # and one whose surface is lost in its roundings before: its limit is told to the square

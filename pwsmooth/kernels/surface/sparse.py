@@ -11,9 +11,8 @@ O(n), not O(n^3).
 from ..machine.compiling import kernel
 from ..state import CROSSING, KINK, SOLVED
 
-_CANCELLED = (
-    4e-15  # of what it was: an entry that elimination leaves so little of is 0, in whatever units rows are
-)
+# Of what it was: an entry that elimination leaves so little of is 0, in whatever units rows and unknowns are.
+_CANCELLED = 4e-15
 _SHORT = 16  # entries of a row, up to which one is as soon found by looking at all
 
 
