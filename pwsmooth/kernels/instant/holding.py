@@ -12,7 +12,7 @@ from ..machine.pointers import call_newton
 from ..state import AMB_REPELLING, EV_RESET, HELD, SECOND_ORDER, SLIDING, SOLVED
 from ..step.recording import record_ambiguity, record_event
 from ..surface.sliding import follow, mask_instant, mask_solved, surface_rounding
-from ..surface.sparse import entry
+from ..surface.sparse import entry, find_strengths
 from .surface_rates import approach_speed, evaluate_surfaces, residual
 
 _SYMMETRIC, _POSITIVE = 1e-9, 1e-12  # of its entries; of its diagonal
@@ -118,30 +118,6 @@ def hold_second_order(P, S, R, W, size):
 
 
 @kernel
-def _find_strengths(A, strength, size):
-    """Overwrites strength by D of A = S D with S symmetric, to a factor in each group that is linked; False if none."""
-    for i in range(size):
-        strength[i] = 0.0
-    known = 0
-    while known < size:
-        before = known
-        for i in range(size):
-            for k in range(size if strength[i] > 0.0 else 0):
-                if strength[k] == 0.0 and A[i, k] != 0.0:
-                    if not A[i, k] * A[k, i] > 0.0:
-                        return False
-                    strength[k] = strength[i] * A[i, k] / A[k, i]
-                    known += 1
-        if known == before:
-            for i in range(size):
-                if strength[i] == 0.0:
-                    strength[i] = 1.0
-                    known += 1
-                    break
-    return True
-
-
-@kernel
 def _push_back(P, W, size):
     """Whether dg/dlambda of the switches W.instant.group[:size] is -S D, S symmetric and positive, D > 0: dry friction
     on masses. -dg/dlambda is left above the diagonal of W.linear.matrix, and on it in W.linear.rhs."""
@@ -151,10 +127,9 @@ def _push_back(P, W, size):
     for r in range(size):
         for c in range(size):
             A[r, c] = -entry(P.g_row, P.g_col, W.G, group[r], group[c])
-        diagonal[r] = A[r, r]
-    if not _find_strengths(A, strength, size):
-        return False
+    find_strengths(W, A, strength, size)
     for r in range(size):
+        diagonal[r] = A[r, r]
         for c in range(r):
             below, above = A[r, c] / strength[c], A[c, r] / strength[r]
             if abs(below - above) > _SYMMETRIC * (abs(below) + abs(above)):

@@ -6,7 +6,7 @@ from ..machine.compiling import kernel
 from ..machine.pointers import call_fields, call_newton
 from ..state import DISC, SOLVED
 from .sliding import mask_solved, put_in_slip
-from .sparse import link, solve_dense
+from .sparse import find_strengths, link, solve_dense
 from .vector import begins
 
 _DELTA = 1e-4  # of lambda
@@ -133,23 +133,6 @@ def largest_lambda(W):
 
 
 @kernel
-def _find_strengths(W):
-    """Overwrites together.strength by how strong each lambda acts, to a common factor: J = -S strength, S symmetric."""
-    group, q = W.together, W.together.size
-    for i in range(q):
-        group.strength[i] = 1.0 if i == 0 else 0.0
-    for _ in range(q - 1):
-        known, new, most = 0, 0, -1.0
-        for i in range(q):
-            for k in range(q):
-                both = min(abs(group.J[i, k]), abs(group.J[k, i]))
-                if group.strength[i] != 0.0 and group.strength[k] == 0.0 and both > most:
-                    known, new, most = i, k, both
-        ratio = abs(group.J[known, new] / group.J[new, known]) if most > 0.0 else 1.0
-        group.strength[new] = group.strength[known] * ratio
-
-
-@kernel
 def _newton_for_load(W, s, rank, discs):
     """Overwrites together.matrix by Newton's equations for the optimum; returns how far the sum of the products
     held_k (s - |lambda_k|^2/s), which vanish there, is from it."""
@@ -234,7 +217,7 @@ def least_load(P, S, W, rank):
         lam[i] = 0.0
         for r in range(rank):
             lam[i] += group.J[order[r], i] * A[r, rank]
-    _find_strengths(W)
+    find_strengths(W, group.J, group.strength, q)  # G = -S strength
     s = 1.5 * largest_lambda(W)
     if s == 0.0:
         return 0.0

@@ -130,6 +130,28 @@ def solve_factored(A, size, b, u):
 
 
 @kernel
+def find_strengths(W, A, strength, size):
+    """Overwrites strength by D > 0 of A = S D, S symmetric, to a factor in all that are linked: how strong each acts.
+
+    Along the largest entries, as a spanning tree grows (Prim).
+    """
+    best, along = W.linear.rhs, W.linear.place
+    for i in range(size):
+        strength[i] = best[i] = 0.0
+    for _ in range(size):
+        new = -1
+        for k in range(size):
+            if strength[k] == 0.0 and (new < 0 or best[k] > best[new]):
+                new = k
+        known = along[new]
+        strength[new] = strength[known] * abs(A[known, new] / A[new, known]) if best[new] > 0.0 else 1.0
+        for k in range(size):
+            both = min(abs(A[new, k]), abs(A[k, new]))
+            if both > best[k] and strength[k] == 0.0:
+                best[k], along[k] = both, new
+
+
+@kernel
 def solve_masked(P, W):
     """Solves G u = b for the multipliers of W.mask, b and then u in W.linear.rhs; False if singular."""
     row, col, G, mask, b, place = P.g_row, P.g_col, W.G, W.mask, W.linear.rhs, W.linear.place
