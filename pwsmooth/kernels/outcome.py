@@ -78,8 +78,8 @@ _TEXTS = {
     Outcome.NO_ROOT: "No attracting root of the layer was found and no direction leads out of it: the layer "
     "system may be unbounded; check the sign of the hidden term.",
     Outcome.SINGULAR: "The equations of the sliding, closed or algebraic multipliers are singular: two of them "
-    "may constrain the same motion; or more than 128 contacts between elements of a family are closed, whose forces "
-    "are not solved for together: take a spring with a gap.",
+    "may constrain the same motion; or more than 128 contacts or frictions between elements of a family hold, whose "
+    "forces are not solved for together: take a spring with a gap.",
     Outcome.INCONSISTENT_CONTACT: "No reaction or impulse keeps the bodies of a rigid contact apart, as its friction "
     "pushes them together (Painleve's paradox, inconsistent): in nature a tangential impact stops the slip, of which "
     "rigid laws say nothing; take a compliant contact (`pwsmooth.laws.contact`), or less friction.",
