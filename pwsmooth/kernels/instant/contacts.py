@@ -15,7 +15,7 @@ Chain: instants.py, starting.py -> **this file** -> sparse.py, sliding.py.
 
 import math
 
-from ..intervals import note_interval
+from ..intervals import forget_intervals, note_interval
 from ..machine.compiling import kernel
 from ..machine.pointers import call_act, call_fields, call_linear, call_newton
 from ..outcome import Outcome
@@ -46,11 +46,13 @@ _SINGULAR = 1e10  # an impulse or force so many times the others comes of a sing
 
 
 @kernel
-def _open(S, R, j, order):
+def _open(S, R, W, j, order):
     """Opens contact j, whose gap has `order` known zeros: h, then dh/dt, then d2h/dt2."""
     S.status[j] = 1
     S.mult[j] = 0.0
     S.deflate[j] = order
+    if W.instant.jumped == 0:
+        forget_intervals(S.last[j], S.t)  # impacts that ended in its closing come to no other limit
     record_event(S, R, j, EV_OPENING, 0, 1)
 
 
@@ -73,7 +75,7 @@ def _find_touching(P, S, R, W):
             and W.h[j] > rounding
             and W.h[j] != W.firing.switch_level[j]
         ):
-            _open(S, R, j, 0)  # an update has lifted the body off
+            _open(S, R, W, j, 0)  # an update has lifted the body off
         elif S.status[j] == SOLVED or W.instant.hit[j] or W.h[j] <= rounding:
             if size == len(contacts.touching):
                 return -1
@@ -368,7 +370,7 @@ def _settle_forces(P, S, R, W, size):
         if S.status[j] == SOLVED and was_closed[a] == 0.0:
             record_event(S, R, j, EV_CLOSED, 1, 0)
         elif S.status[j] != SOLVED and was_closed[a] != 0.0:
-            _open(S, R, j, 2)
+            _open(S, R, W, j, 2)
         elif S.status[j] != SOLVED and resting[a]:
             S.deflate[j] = 2
     return UNCHANGED
@@ -422,7 +424,7 @@ def settle_contacts(P, S, R, W):
     for c in range(len(P.contact)):
         j = P.contact[c]
         if W.instant.hit[j] and S.status[j] == SOLVED and W.instant.jumped == 0:
-            _open(S, R, j, 3)  # R has come to 0, and d2h/dt2 with it
+            _open(S, R, W, j, 3)  # R has come to 0, and d2h/dt2 with it
             W.instant.hit[j] = False
     size = _find_touching(P, S, R, W)
     if size < 0:
@@ -435,7 +437,7 @@ def settle_contacts(P, S, R, W):
         contacts.speed[a] = approach_speed(P, S, j, W)
         if contacts.speed[a] > contacts.at_rest[a]:
             if S.status[j] == SOLVED:
-                _open(S, R, j, 1)
+                _open(S, R, W, j, 1)
             S.deflate[j] = 1
     code = _settle_forces(P, S, R, W, size)
     if code < UNCHANGED:
