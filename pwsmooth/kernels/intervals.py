@@ -23,8 +23,11 @@ def time_size(S):
 
 @inlined_kernel
 def pace(S):
-    """The time by which rates are told from 0: the unit of time, and more where steps are longer."""
-    return max(S.unit, S.step)
+    """The time by which rates are told from 0: the unit of time, and more where steps are a thousand times longer.
+
+    Not less: between two bounces a step is as long as the flight could be, and says nothing of how slow they are.
+    """
+    return max(S.unit, 1e-3 * S.step)
 
 
 @kernel
