@@ -120,7 +120,7 @@ def hold_second_order(P, S, R, W, size):
 @kernel
 def _push_back(P, W, size):
     """Whether dg/dlambda of the switches W.instant.group[:size] is -S D, S symmetric and positive, D > 0: dry friction
-    on masses. -dg/dlambda is left above the diagonal of W.linear.matrix, and on it in W.linear.rhs."""
+    on masses."""
     group, A, strength, diagonal = W.instant.group, W.linear.matrix, W.linear.start, W.linear.rhs
     if size > A.shape[0]:
         return False
@@ -129,16 +129,16 @@ def _push_back(P, W, size):
             A[r, c] = -entry(P.g_row, P.g_col, W.G, group[r], group[c])
     find_strengths(W, A, strength, size)
     for r in range(size):
-        diagonal[r] = A[r, r]
+        diagonal[r] = A[r, r] / strength[r]
         for c in range(r):
             below, above = A[r, c] / strength[c], A[c, r] / strength[r]
             if abs(below - above) > _SYMMETRIC * (abs(below) + abs(above)):
                 return False
             A[r, c] = below
-        A[r, r] /= strength[r]
+        A[r, r] = diagonal[r]
     # Cholesky's elimination below the diagonal.
     for i in range(size):
-        if not A[i, i] > _POSITIVE * diagonal[i] / strength[i]:
+        if not A[i, i] > _POSITIVE * diagonal[i]:
             return False
         for r in range(i + 1, size):
             if A[r, i] != 0.0:
@@ -146,6 +146,15 @@ def _push_back(P, W, size):
                 for c in range(i + 1, r + 1):
                     A[r, c] -= factor * A[c, i]
     return True
+
+
+@kernel
+def _row_of_slopes(P, W, j):
+    """One number of the slopes of g_j by all lambda, which changes with any of them."""
+    total = 0.0
+    for e in range(P.g_row[j], P.g_row[j + 1]):
+        total += (1.0 + e - P.g_row[j]) * W.G[e]
+    return total
 
 
 @kernel
@@ -169,15 +178,15 @@ def hold_as_one(P, S, W, size):
     for a in range(size):
         j = instant.group[a]
         instant.mult[j], S.status[j] = S.mult[j], SOLVED
-        W.linear.start[a] = W.linear.rhs[a]
+        W.linear.start[a] = _row_of_slopes(P, W, j)
     mask_solved(P, S, W)
     inside = call_newton(P.newton_unit, P, S, W) != 0
     evaluate_surfaces(P, S, W)
     for a in range(size):
         j = instant.group[a]
         inside = inside and abs(S.mult[j]) < 1.0 - AT_BOUND
-        slope = W.G[P.g_diagonal[j]] + W.linear.start[a]
-        inside = inside and abs(slope) <= _SYMMETRIC * W.linear.start[a]  # affine
+        bend = _row_of_slopes(P, W, j) - W.linear.start[a]
+        inside = inside and abs(bend) <= _SYMMETRIC * abs(W.G[P.g_diagonal[j]])  # g is affine
     if not inside:
         for a in range(size):
             j = instant.group[a]
