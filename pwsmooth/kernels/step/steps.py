@@ -238,7 +238,7 @@ def reach_singular_surface(P, C, S, W, h):
         row = all_rows[i]
         if row >= 0 and S.deflate[i] == 0 and rows[row, 1] != 0.0:
             left = -rows[row, 0] / rows[row, 1]
-            if 0.0 < left < reach and (left <= _TICKS * time_size(S) or _is_linear(P, C, S, W, left)):
+            if h < left < reach and (left <= _TICKS * time_size(S) or _is_linear(P, C, S, W, left)):
                 # Rows further behind are what the programs keep from call to call.
                 top = max(P.n, mult_row + P.m)
                 for k in range(P.m + P.ne):
