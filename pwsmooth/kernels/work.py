@@ -174,24 +174,28 @@ class Onset(Bundle):
 
 
 class Together(Bundle):
-    """Discs at rest whose surfaces depend on each other: see instant/together.py. Its size is that of all discs."""
+    """Multipliers whose surfaces depend on each other: see surface/dependent.py, sharing.py. Its size is that of all
+    discs and of switches that act on each other."""
 
     size: "int"  # of the group
     rank: "int"  # how many of its components determine the others
-    comp: "i8[discs]"  # its components
-    disc: "i8[discs]"  # whose they are
-    order: "i8[discs]"  # places in the group, those first that determine the others
+    comp: "i8[joint]"  # its components
+    known: "i8[m]"  # whether a multiplier has been looked at for it
+    ball: "i8[joint]"  # the disc whose they are, or the switch that they are
+    order: "i8[joint]"  # places in the group, those first that determine the others
+    late: "i8[joint]"  # whether these are rather among the others
+    free: "i8[joint]"  # whether they may move: they slip, or their share of the load is the largest
     move: "f8[m]"  # h of discs that begin to move as one body, to a common factor; 0 of others
-    g: "f8[discs]"
-    J: "f8[discs, discs]"  # dG/dlambda
-    left: "f8[discs, discs]"  # of it, behind some pivots
-    lam: "f8[discs]"
-    strength: "f8[discs]"
-    goal: "f8[discs]"
-    change: "f8[discs]"
-    push: "f8[discs]"  # what is dual to G = 0 where the load is least
-    held: "f8[discs]"  # and to the bound of each disc
-    matrix: "f8[3*discs + 1, 3*discs + 2]"
+    g: "f8[joint]"
+    J: "f8[joint, joint]"  # dG/dlambda
+    left: "f8[joint, joint]"  # of it, behind some pivots
+    lam: "f8[joint]"
+    kept: "f8[joint]"  # multipliers before
+    strength: "f8[joint]"
+    goal: "f8[joint]"
+    push: "f8[joint]"  # what is dual to G = 0 where the load is least
+    held: "f8[joint]"  # and to the bound of each ball
+    matrix: "f8[3*joint + 1, 3*joint + 2]"
 
 
 class Layer(Bundle):

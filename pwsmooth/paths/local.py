@@ -27,7 +27,7 @@ from .budget import SLICE, Budget
 from .checkpoint import Saved
 from .event_driven import order_for
 from .locality import MANY, few_elements, few_of, walls
-from .problem import FEW, longest_step, terms
+from .problem import FEW, MOST, longest_step, terms
 from .words import ambiguities_in_words, chosen_events, event_words
 
 _SHARE = 0.1  # of the tolerances, by which the rim of a patch may change
@@ -265,7 +265,7 @@ class _Run:
             "group": max(*map(len, self.groups), min(coupled * self.n, _TOUCHING), 0),
             "hubs": 0, "onset": 0, "room": 16,
             "contacts": min(self.contacts * self.n, _TOUCHING), "contact": self.contacts * members,
-            "discs": 0, "pieces": 0, "polynomials": 0, "order": 0, "tapes": 0, "times": 0,
+            "joint": min(coupled * self.n, MOST), "pieces": 0, "polynomials": 0, "order": 0, "tapes": 0, "times": 0,
             "p": len(self.p_fixed) - len(self.own_parameters)
             + (len(self.own_parameters) + len(self.template.felt)) * places,
             "g_col": entries, "link_col": len(self.link_block) * members, "dh_col": gradients,

@@ -13,6 +13,7 @@ import numpy as np
 import sympy as sp
 
 from ..codegen import compile_model
+from ..codegen.families.coupled import MOST
 from ..codegen.machine.units import UNITS, unit_address, unit_addresses
 from ..definition.folds import fold_model
 from ..definition.model import EventSpec, Model, Multiplier
@@ -266,8 +267,15 @@ class CompiledProblem:
             fold_gradients=len(fold.pattern("DH")[1]) + m + 1 + ne if fold else 0,
             group=int(np.diff(fixed["block_row"]).max(initial=0)), hubs=len(fixed["hub"]),
             contacts=len(fixed["contact"]), onset=n if fixed["discs"] else 0,
-            discs=sum(mu.kind == "component" for mu in self.model.multipliers),
+            joint=self._joint(),
         )  # fmt: skip
+
+    def _joint(self) -> int:
+        """How many multipliers may have surfaces that depend on each other."""
+        fixed, kind = self.fixed, self.kind
+        beside = np.diff(fixed["link_row"]) > 0
+        switches = int(np.sum((kind == state.SLIDING) & beside & (fixed["hidden"] == 0)))
+        return int(np.sum(kind == state.COMPONENT)) + (min(switches, MOST) if switches > 1 else 0)
 
     def new_work(self, order: int, sizes: dict[str, int] | None = None):
         """Scratch arrays that nobody else has, of the sizes of this system or of others."""

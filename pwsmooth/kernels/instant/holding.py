@@ -8,14 +8,12 @@ Chain: settling.py, instants.py -> **this file** -> surface_rates.py, sliding.py
 """
 
 from ..machine.compiling import inlined_kernel, kernel
-from ..machine.pointers import call_newton
 from ..state import AMB_REPELLING, EV_RESET, HELD, SECOND_ORDER, SLIDING, SOLVED
 from ..step.recording import record_ambiguity, record_event
 from ..surface.sliding import follow, mask_instant, mask_solved, surface_rounding
-from ..surface.sparse import entry, find_strengths
+from ..surface.sparse import entry
 from .surface_rates import approach_speed, evaluate_surfaces, residual
 
-_SYMMETRIC, _POSITIVE = 1e-9, 1e-12  # of its entries; of its diagonal
 AT_BOUND = 1e-9  # a multiplier no farther beyond its bound has come to it smoothly
 
 
@@ -115,84 +113,6 @@ def hold_second_order(P, S, R, W, size):
             break
         _leave(S, worst, 1 if S.mult[worst] > 0.0 else -1, 3 if most <= 1.0 + AT_BOUND else 2)
     return rest
-
-
-@kernel
-def _push_back(P, W, size):
-    """Whether dg/dlambda of the switches W.instant.group[:size] is -S D, S symmetric and positive, D > 0: dry friction
-    on masses."""
-    group, A, strength, diagonal = W.instant.group, W.linear.matrix, W.linear.start, W.linear.rhs
-    if size > A.shape[0]:
-        return False
-    for r in range(size):
-        for c in range(size):
-            A[r, c] = -entry(P.g_row, P.g_col, W.G, group[r], group[c])
-    find_strengths(W, A, strength, size)
-    for r in range(size):
-        diagonal[r] = A[r, r] / strength[r]
-        for c in range(r):
-            below, above = A[r, c] / strength[c], A[c, r] / strength[r]
-            if abs(below - above) > _SYMMETRIC * (abs(below) + abs(above)):
-                return False
-            A[r, c] = below
-        A[r, r] = diagonal[r]
-    # Cholesky's elimination below the diagonal.
-    for i in range(size):
-        if not A[i, i] > _POSITIVE * diagonal[i]:
-            return False
-        for r in range(i + 1, size):
-            if A[r, i] != 0.0:
-                factor = A[r, i] / A[i, i]
-                for c in range(i + 1, r + 1):
-                    A[r, c] -= factor * A[c, i]
-    return True
-
-
-@kernel
-def _row_of_slopes(P, W, j):
-    """One number of the slopes of g_j by all lambda, which changes with any of them."""
-    total = 0.0
-    for e in range(P.g_row[j], P.g_row[j + 1]):
-        total += (1.0 + e - P.g_row[j]) * W.G[e]
-    return total
-
-
-@kernel
-def hold_as_one(P, S, W, size):
-    """Whether the switches W.instant.group[:size], which come or stick, all stick now; else nothing has changed.
-
-    Where g is affine in lambda and they push back, the layer is the gradient of a convex function: what it comes to is
-    its one zero, if that is within the bounds.
-    """
-    instant = W.instant
-    for a in range(size):
-        j = instant.group[a]
-        if P.hidden[j] or P.nested[j] or P.slope_moves[j]:
-            return False
-    for j in range(P.m):
-        if S.status[j] == SOLVED and P.kind[j] != SLIDING:
-            return False
-    evaluate_surfaces(P, S, W)
-    if not _push_back(P, W, size):
-        return False
-    for a in range(size):
-        j = instant.group[a]
-        instant.mult[j], S.status[j] = S.mult[j], SOLVED
-        W.linear.start[a] = _row_of_slopes(P, W, j)
-    mask_solved(P, S, W)
-    inside = call_newton(P.newton_unit, P, S, W) != 0
-    evaluate_surfaces(P, S, W)
-    for a in range(size):
-        j = instant.group[a]
-        inside = inside and abs(S.mult[j]) < 1.0 - AT_BOUND
-        bend = _row_of_slopes(P, W, j) - W.linear.start[a]
-        inside = inside and abs(bend) <= _SYMMETRIC * abs(W.G[P.g_diagonal[j]])  # g is affine
-    if not inside:
-        for a in range(size):
-            j = instant.group[a]
-            S.status[j] = instant.arrival[a] if instant.arrival[a] != 0 else SOLVED
-            S.mult[j] = instant.mult[j]
-    return inside
 
 
 @kernel

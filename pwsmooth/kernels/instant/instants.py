@@ -46,10 +46,10 @@ from ..work import Work
 from .accumulation import AT_ONCE, at_once_within, is_passed, pass_accumulation
 from .contacts import UNCHANGED, outcome_of, part_or_press, settle_contacts, stop_closed
 from .discs import free_components, resettle_discs, settle_discs, slip_by_layer
+from .dry_friction import leave_loop, settle_friction
 from .firing import events, sides_after_crossing, sides_after_jump, step_inside
 from .holding import (
     AT_BOUND,
-    hold_as_one,
     hold_beside,
     hold_instead,
     hold_second_order,
@@ -63,12 +63,34 @@ from .plain import cross_stick_or_leave, only_one
 from .resting import come_to_rest, rests_on_kink, stay_at_rest
 from .settling import layer_code, resettle, settle_arrivals, settle_at_rest, settle_together
 from .starting import start
-from .surface_rates import approach_speed, arc_ahead, evaluate_surfaces, leading_order, stop_normal_speed
+from .surface_rates import (
+    approach_speed,
+    arc_ahead,
+    evaluate_surfaces,
+    leading_order,
+    rests_along,
+    stop_normal_speed,
+)
 
 # A relay of relative degree 2 with damping crosses ever more often, and never ends: so many crossings below the
 # tolerance say so, and it slides to second order from then on. Switchings that accumulate at an instant come to it
 # with fewer.
 _MOST_MINUTE = 10_000
+
+
+@kernel
+def _take_along(P, S, W, size):
+    """Appends to the switches active[:size] those that they act on and that come to their surfaces with them."""
+    instant, first = W.instant, size
+    for a in range(first):
+        evaluate_surfaces(P, S, W)
+        link(P, S, W, instant.active[a])
+        for k in range(P.m):
+            if W.linear.linked[k] and rests_along(P, S, W, k):
+                instant.hit[k] = True
+                instant.active[size] = k
+                size += 1
+    return size
 
 
 @kernel
@@ -84,6 +106,7 @@ def _arrivals(P, C, S, R, W, size, jumped):
                 forget_intervals(S.last[j], S.t)
         if size == 0:
             return GO_ON
+    size = _take_along(P, S, W, size)
     joint = size
     for a in range(size):
         link(P, S, W, instant.active[a])
@@ -109,10 +132,12 @@ def _arrivals(P, C, S, R, W, size, jumped):
                 S.mult[j] = 0.0
         if jumped:
             code = settle_together(P, S, R, W, size, joint)
-        elif not hold_as_one(P, S, W, joint):
-            code = settle_arrivals(P, S, R, W, joint)
-            if code == GO_ON and size > 1:
-                try_other_ratio(P, S, R, W, size)
+        else:
+            code = settle_friction(P, S, R, W, joint, False)
+            if code == NOTHING:
+                code = settle_arrivals(P, S, R, W, joint)
+                if code == GO_ON and size > 1:
+                    try_other_ratio(P, S, R, W, size)
     elif jumped:
         code = settle_at_rest(P, C, S, R, W, size)
     else:
@@ -186,8 +211,14 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
             if not jumped:
                 # d2h/dt2 of a second-order slide is 0 there, unless a force has jumped.
                 smooth = P.kind[j] == SECOND_ORDER and abs(mult[j]) <= 1.0 + AT_BOUND
-                if P.kind[j] == SLIDING and some_second_order(P) and hold_instead(P, S, R, W, j):
-                    continue
+                if P.kind[j] == SLIDING:
+                    if some_second_order(P) and hold_instead(P, S, R, W, j):
+                        continue
+                    shared, code = leave_loop(P, S, R, W, j)
+                    if code != GO_ON and code != NOTHING:
+                        return code, True
+                    if shared:
+                        continue
                 status[j] = W.meeting.exit_side[j]
                 mult[j] = float(status[j])
                 S.deflate[j] = 3 if smooth else 2

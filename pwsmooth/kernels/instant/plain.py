@@ -23,7 +23,7 @@ from ..state import (
 )
 from ..step.recording import record_event
 from ..surface.sliding import follow, keep_on_surface, mask_solved
-from .surface_rates import evaluate_surfaces
+from .surface_rates import evaluate_surfaces, rests_along
 
 
 @kernel
@@ -35,7 +35,8 @@ def only_one(P, S, W):
     only = -1
     for j in range(P.m):
         beside = P.kind[j] == CONTACT or P.kind[j] == SECOND_ORDER
-        if beside or P.nested[j] != 0 or (S.status[j] == SOLVED and not W.instant.hit[j]):
+        slides = S.status[j] == SOLVED or (S.status[j] == HELD and P.kind[j] == SLIDING)
+        if beside or P.nested[j] != 0 or (slides and not W.instant.hit[j]):
             return -1
         if W.instant.hit[j]:
             if only >= 0 or P.kind[j] != SLIDING or S.status[j] == HELD:
@@ -61,6 +62,10 @@ def cross_stick_or_leave(P, S, R, W, j):
         return GO_ON
     S.mult[j] = float(-came)
     evaluate_surfaces(P, S, W)
+    for k in range(P.m):
+        if rests_along(P, S, W, k):
+            S.mult[j] = float(came)
+            return NOTHING
     far, slope = W.g[j], W.G[P.g_diagonal[j]]
     ahead = -came * far  # > 0: the far side carries it on
     if not (ahead - 2.0 * slope > 0.0 and abs(ahead) < math.inf):

@@ -25,6 +25,7 @@ from ..surface.layer import ARRIVE, FIRST_ZERO
 from ..surface.sliding import follow, mask_instant, mask_solved
 from ..surface.sparse import link
 from ..surface.unknowns import solve_unknowns
+from .dry_friction import is_shared, settle_friction, sliding_with
 from .holding import (
     held_by,
     hold_beside,
@@ -87,7 +88,10 @@ def _one_at_rest(P, S, R, W, j):
 
 @kernel
 def settle_together(P, S, R, W, size, joint):
-    """Runs the layer of the coupled switches group[:joint] from u = 0, of which the first `size` are new; a code."""
+    """Settles the coupled switches group[:joint] from u = 0, of which the first `size` are new; a code."""
+    code = settle_friction(P, S, R, W, joint, False)
+    if code != NOTHING:
+        return code
     code = settle_arrivals(P, S, R, W, joint)
     if code == GO_ON:
         call_others(P.others_unit, P, S, R, W, size, joint)
@@ -137,7 +141,8 @@ def release_held(P, C, S, R, W):
     for j in range(P.m):
         if S.status[j] != HELD or P.kind[j] == DISC or P.kind[j] == COMPONENT:
             continue
-        if P.kind[j] == SLIDING or (P.kind[j] == SECOND_ORDER and held_by(P, S, W, j) < 0):
+        held = is_shared(P, S, W, j) if P.kind[j] == SLIDING else held_by(P, S, W, j) >= 0
+        if not held and (P.kind[j] == SLIDING or P.kind[j] == SECOND_ORDER):
             W.instant.active[size] = j
             size += 1
         if P.kind[j] == SLIDING or P.kind[j] == SECOND_ORDER:
@@ -183,7 +188,7 @@ def resettle(P, S, R, W):
         return Outcome.NO_ROOT
     known = False  # W.g is that of the present multipliers: usually one evaluation serves all switches
     for j in range(P.m):
-        if S.status[j] != SOLVED or P.kind[j] != SLIDING:
+        if (S.status[j] != SOLVED and S.status[j] != HELD) or P.kind[j] != SLIDING:
             continue
         lam = S.mult[j]
         if abs(lam) > 1.0 + _SAME:
@@ -197,7 +202,12 @@ def resettle(P, S, R, W):
         if abs(g) <= 1e-12:
             continue
         known = False
-        size = _sliding_with(P, S, W, j)
+        size = sliding_with(P, S, W, j)
+        code = settle_friction(P, S, R, W, size, False)
+        if code == GO_ON or (code == NOTHING and S.status[j] == HELD):
+            continue
+        if code != NOTHING:
+            return code
         if size > 1:
             for a in range(size):
                 instant.arrival[a] = 0
@@ -215,15 +225,3 @@ def resettle(P, S, R, W):
             S.deflate[j] = 1
     mask_solved(P, S, W)
     return GO_ON if follow(P, S, W) else Outcome.NO_ROOT
-
-
-@kernel
-def _sliding_with(P, S, W, j):
-    """Overwrites W.instant.group by switch j and the sliding ones that act on it or it on them; returns how many."""
-    link(P, S, W, j)
-    size = 0
-    for i in range(P.m):
-        if W.linear.linked[i] and S.status[i] == SOLVED and P.kind[i] == SLIDING:
-            W.instant.group[size] = i
-            size += 1
-    return size

@@ -4,11 +4,11 @@ Chain: pointers.py, sliding.py -> **this file** -> holding.py and all that acts 
 """
 
 from ..intervals import pace
-from ..machine.compiling import kernel
+from ..machine.compiling import inlined_kernel, kernel
 from ..machine.pointers import call_act, call_fields, call_linear
-from ..state import SECOND_ORDER
+from ..state import SECOND_ORDER, SLIDING
 from ..step.steps import take_jet, take_slip_jet
-from ..surface.sliding import follow, keep_on_surface, mask_instant, mask_solved
+from ..surface.sliding import follow, keep_on_surface, mask_instant, mask_solved, surface_rounding
 
 _HIGHEST = 7  # order with which a surface is left
 _MOMENT = 1e-6  # of the unit of time
@@ -28,6 +28,14 @@ def any_is(P, S, status):
         if S.status[j] == status:
             return True
     return False
+
+
+@inlined_kernel
+def rests_along(P, S, W, k):
+    """Whether switch k is on its surface to rounding, without having met it: it comes there with another one."""
+    if P.kind[k] != SLIDING or abs(S.status[k]) != 1 or S.deflate[k] != 0 or W.instant.hit[k]:
+        return False
+    return abs(W.h[k]) <= surface_rounding(P, S, k, W)
 
 
 @kernel

@@ -17,19 +17,15 @@ from ..step.recording import record_ambiguity
 from ..surface.dependent import (
     gather,
     independent,
-    largest_lambda,
-    least_load,
     put_at_rest,
     slopes_of_group,
-    square_of_disc,
 )
+from ..surface.sharing import FULL, largest_lambda, least_load, slip_or_stick, square_of_ball
 from ..surface.sliding import INSIDE, mask_solved
-from ..surface.sparse import solve_dense
 
 _ALIKE = 1e-12  # of G
-_FULL = 1e-12  # of the balls: with less left the body begins to move
 _TURNS = 1e-5  # of the balls: a point with more left is one about which the body turns
-_SWEEPS, _NEWTON = 20_000, 20
+_NEWTON = 20
 
 
 @kernel
@@ -39,63 +35,11 @@ def depend(P, S, W, j):
     if q <= P.dim[j]:
         return False
     for i in range(q):
-        W.together.disc[i] = P.disc_of[W.together.comp[i]]
-        S.mult[W.together.disc[i]] = INSIDE
+        W.together.ball[i] = P.disc_of[W.together.comp[i]]
+        S.mult[W.together.ball[i]] = INSIDE
     slopes_of_group(P, S, W, q)
     W.together.size = q
     return independent(W, q) < q
-
-
-@kernel
-def _slip(W):
-    """Overwrites together.lam by the solution of the variational inequality: of each disc in turn, over and over, the
-    lambda in its ball with G = 0 or |lambda| = 1 and G = c lambda, c > 0; leaves G in together.g."""
-    group, q, A = W.together, W.together.size, W.together.matrix
-    for _ in range(_SWEEPS):
-        change, i = 0.0, 0
-        while i < q:
-            d = square_of_disc(W, i)[1]
-            for r in range(i, i + d):
-                group.goal[r] = group.g[r]
-                for c in range(i, i + d):
-                    group.goal[r] -= group.J[r, c] * group.lam[c]
-            # lambda = (c - J)^-1 g with |lambda| <= 1; its size falls with c.
-            pace, size = 0.0, 0.0
-            for _ in range(60):
-                for r in range(d):
-                    for c in range(d):
-                        A[r, c] = (pace if r == c else 0.0) - group.J[i + r, i + c]
-                    A[r, d] = group.goal[i + r]
-                if not solve_dense(A, d, 1):
-                    break
-                size = 0.0
-                for r in range(d):
-                    size += A[r, d] ** 2
-                size = math.sqrt(size)
-                if size <= 1.0 + 1e-15 and (pace == 0.0 or size >= 1.0 - 1e-15):
-                    break
-                # Newton's method for 1/|lambda| = 1, exact where J is isotropic.
-                for r in range(d):
-                    group.change[r] = A[r, d]
-                    for c in range(d):
-                        A[r, c] = (pace if r == c else 0.0) - group.J[i + r, i + c]
-                    A[r, d] = group.change[r]
-                if not solve_dense(A, d, 1):
-                    break
-                slope = 0.0
-                for r in range(d):
-                    slope += group.change[r] * A[r, d]
-                    A[r, d] = group.change[r]
-                pace = max(0.0, pace + size * size * (size - 1.0) / slope)
-            for r in range(d):
-                step = A[r, d] - group.lam[i + r]
-                change = max(change, abs(step))
-                group.lam[i + r] += step
-                for k in range(q):
-                    group.g[k] += group.J[k, i + r] * step
-            i += d
-        if change <= 1e-15:
-            break
 
 
 @kernel
@@ -116,40 +60,53 @@ def _rests_already(P, S, W, q):
 
 
 @kernel
-def settle_dependent(P, S, R, W, leaves):
-    """The group of discs in W.together is at h = 0: it rests, or moves on; a code.
+def _find_shares(P, S, W, leaves):
+    """Overwrites lambda of the group in W.together by what holds it, or by that with which it moves on.
 
-    If its force has not jumped it `leaves` where no lambda in the balls holds it any more.
+    Returns the largest |lambda_k| of the least load, inf if there is none and 0 if it rests already, and whether it
+    moves. If its force has not
+    jumped it `leaves` where no lambda in the balls holds it any more.
     """
     group, load = W.together, math.inf
     q = group.size
-    put_at_rest(P, S, W)
     for i in range(q):
         group.lam[i] = S.mult[group.comp[i]]
-    rests = _rests_already(P, S, W, q) and not leaves
-    for _ in range(0 if rests else _NEWTON):
+    if not leaves and _rests_already(P, S, W, q):
+        return 0.0, False
+    for _ in range(_NEWTON):
         largest = slopes_of_group(P, S, W, q)
         load = least_load(P, S, W, independent(W, q))
         if not load < math.inf:
-            return Outcome.NO_ROOT
+            return load, False
         if load > 1.0 and not leaves:
             for i in range(q):
                 group.lam[i] = S.mult[group.comp[i]]
-            _slip(W)
+            slip_or_stick(W)
         change = 0.0
         for i in range(q):
             change = max(change, abs(group.lam[i] - S.mult[group.comp[i]]))
         _put(S, W)
         if change <= 1e-9 or largest == 0.0:
             break
-    moves = not rests and (load > 1.0 or (leaves and load > 1.0 - _FULL))
+    return load, load > 1.0 or (leaves and load > 1.0 - FULL)
+
+
+@kernel
+def settle_dependent(P, S, R, W, leaves):
+    """The group of discs in W.together is at h = 0: it rests, or moves on; a code. It `leaves` as _find_shares says."""
+    group = W.together
+    q = group.size
+    put_at_rest(P, S, W)
+    load, moves = _find_shares(P, S, W, leaves)
+    if not load < math.inf:
+        return Outcome.NO_ROOT
     # What slips keeps its direction; of what sticks as much is solved for as is independent.
     i, sticking = 0, 0
     while i < q:
-        square, d = square_of_disc(W, i)
-        j = group.disc[i]
+        square, d = square_of_ball(W, i)
+        j = group.ball[i]
         size = math.sqrt(square)
-        slips = moves and size >= (load * (1.0 - _TURNS) if leaves else 1.0 - _ALIKE)
+        slips = moves and (size >= load * (1.0 - _TURNS) if leaves else group.free[i] != 0)
         S.mult[j] = INSIDE
         S.status[j] = 1 if slips else SOLVED
         S.deflate[j] = 1 if slips else 0

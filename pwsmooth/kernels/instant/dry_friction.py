@@ -1,0 +1,297 @@
+"""Dry friction between masses: several switches on their surfaces, which act on each other.
+
+Where g is affine in lambda and dg/dlambda = -S D with S symmetric and positive, D > 0, the layer is the gradient of a
+convex function on the box of the lambda: what it comes to is its minimum, which needs no layer. All stick where some
+lambda in the box has g = 0, else some slip (the variational inequality of maximum dissipation).
+S is singular where friction stands in a loop: two brakes on one shaft, bodies that rub each other in a ring or on the
+ground as well. Together they hold more than there is to move, and lambda is not unique, though the motion is: that
+whose largest is least says how much is left. What is redundant is HELD with its lambda, the rest is solved for. Where
+the least load reaches 1, those begin to move whose lambda is the largest in every such load.
+Chain: together.py -> **this file** -> settling.py, instants.py.
+"""
+
+import math
+
+from ..machine.compiling import kernel
+from ..machine.pointers import call_newton
+from ..outcome import Outcome
+from ..state import AMB_FORCES, EV_RESET, EV_TANGENCY, GO_ON, HELD, NOTHING, SLIDING, SOLVED
+from ..step.recording import record_ambiguity, record_event
+from ..surface.dependent import independent, slopes_of_group
+from ..surface.sharing import FULL, least_load, slip_or_stick
+from ..surface.sliding import mask_solved
+from ..surface.sparse import find_strengths, link, solve_dense, solve_masked
+from .surface_rates import evaluate_surfaces, residual
+
+_SYMMETRIC = 1e-7  # of slopes, which differences tell
+_NO_SLOPE = 1e-12  # of the diagonal
+_ALIKE = 1e-9  # of a slope: what is left of it where the others that stick determine the surface
+_SPARE = 0.9  # how far lambda are led to their bounds, of the way there
+
+
+@kernel
+def is_shared(P, S, W, j):
+    """Whether switch j is held by others that stick, whatever its lambda is. Slopes are read in W.G, W.mask is lost."""
+    mask_solved(P, S, W)
+    row, col, u = P.g_row, P.g_col, W.linear.rhs
+    for k in range(P.m):
+        u[k] = 0.0
+    some = False
+    for k in range(P.m):
+        for e in range(row[k], row[k + 1]):
+            if col[e] == j and W.mask[k]:
+                u[k] = -W.G[e]
+                some = some or (P.kind[k] == SLIDING and W.G[e] != 0.0)
+    if not some or not solve_masked(P, W):
+        return False
+    total, size = W.G[P.g_diagonal[j]], abs(W.G[P.g_diagonal[j]])
+    for e in range(row[j], row[j + 1]):
+        if W.mask[col[e]]:
+            total += W.G[e] * u[col[e]]
+            size = max(size, abs(W.G[e] * u[col[e]]))
+    return abs(total) <= _ALIKE * size
+
+
+@kernel
+def _is_held_alone(P, S, W, k):
+    """Whether switch k is HELD by a closed contact or the like, whatever the lambda of other switches are."""
+    most = max(abs(residual(P, S, W, k, 1.0)), abs(residual(P, S, W, k, -1.0)))
+    evaluate_surfaces(P, S, W)
+    return most <= _NO_SLOPE * abs(W.G[P.g_diagonal[k]])
+
+
+@kernel
+def _gather(P, S, W, size):
+    """Overwrites W.together.comp by the switches W.instant.group[:size] and those that stick and act on them, also
+    through ones that are HELD; how many, 0 if there is no dry friction between them."""
+    group, known, q = W.together, W.together.known, size
+    for k in range(P.m):
+        known[k] = 0
+    for a in range(size):
+        known[W.instant.group[a]] = 1
+        if a < len(group.comp):
+            group.comp[a] = W.instant.group[a]
+    a = 0
+    while a < q:
+        if q > len(group.comp):
+            return 0
+        if a == 0 or S.status[group.comp[a]] == HELD:
+            link(P, S, W, group.comp[a])
+            for k in range(P.m):
+                sticks = S.status[k] == SOLVED or S.status[k] == HELD
+                if W.linear.linked[k] == 0 or P.kind[k] != SLIDING or not sticks or known[k] != 0:
+                    continue
+                known[k] = 1
+                if S.status[k] == SOLVED or not _is_held_alone(P, S, W, k):
+                    if q < len(group.comp):
+                        group.comp[q] = k
+                    q += 1
+        a += 1
+    for a in range(q):
+        j = group.comp[a]
+        if P.hidden[j] != 0 or P.nested[j] != 0:
+            return 0
+        group.ball[a], group.late[a] = j, 0
+    group.size = q
+    return q if q > 1 else 0
+
+
+@kernel
+def _rank_of_friction(P, S, W, q):
+    """How many of the group's surfaces determine the others, 0 if dg/dlambda, put into together.J, is not -S D."""
+    group = W.together
+    J, strength = group.J, group.strength
+    slopes_of_group(P, S, W, q)
+    find_strengths(W, J, strength, q)
+    for r in range(q):
+        if not J[r, r] < 0.0:
+            return 0
+        for c in range(r):
+            near = math.sqrt(J[r, r] * J[c, c] / (strength[r] * strength[c]))
+            if not abs(J[r, c] / strength[c] - J[c, r] / strength[r]) <= _SYMMETRIC * near:
+                return 0
+    rank = independent(W, q)
+    for r in range(rank):
+        if not group.left[group.order[r], group.order[r]] < 0.0:
+            return 0
+    return rank
+
+
+@kernel
+def _row_of_slopes(W, r, q):
+    """One number of the slopes of g_r by all lambda, which changes with any of them."""
+    total = 0.0
+    for c in range(q):
+        total += (1.0 + c) * W.together.J[r, c]
+    return total
+
+
+@kernel
+def _find_lambda(P, S, W, rank, leaves):
+    """Overwrites together.lam by what holds the group, or by that with which it moves on; the largest |lambda| that
+    holds it, inf if none does, and whether it moves."""
+    group, q = W.together, W.together.size
+    A, load = group.matrix, 0.0
+    if rank < q:
+        load = least_load(P, S, W, rank)
+    else:
+        for r in range(q):
+            A[r, q] = -group.g[r]
+            for c in range(q):
+                A[r, c] = group.J[r, c]
+        if not solve_dense(A, q, 1):
+            return math.inf, False
+        for r in range(q):
+            group.lam[r] = S.mult[group.comp[r]] + A[r, q]
+            load = max(load, abs(group.lam[r]))
+    moves = load > (1.0 - FULL if leaves else 1.0)
+    if moves and not leaves and load < math.inf:
+        for r in range(q):
+            group.lam[r] = S.mult[group.comp[r]]
+        slip_or_stick(W)
+    return load, moves
+
+
+@kernel
+def _is_affine(P, S, W, q):
+    """Whether the slopes by lambda, in together.J, are the same at the lambda found."""
+    group, same = W.together, True
+    for r in range(q):
+        W.linear.start[r] = _row_of_slopes(W, r, q)
+        k = group.comp[r]
+        group.kept[r], S.mult[k] = S.mult[k], group.lam[r]
+    slopes_of_group(P, S, W, q)
+    for r in range(q):
+        bend = _row_of_slopes(W, r, q) - W.linear.start[r]
+        same = same and abs(bend) <= _SYMMETRIC * q * abs(group.J[r, r])
+    for r in range(q):
+        S.mult[group.comp[r]] = group.kept[r]
+    return same
+
+
+@kernel
+def _lead_to_bounds(P, S, W, load):
+    """Shares out a load below 1 so that a lambda which is solved for comes to its bound where the load comes to 1; how
+    many are solved for.
+
+    Those that are free are led to their bounds, but for the one that acts most, which is left to carry the rest; as
+    far as the others allow that.
+    """
+    group, q, best, total, rest = W.together, W.together.size, -1, 0.0, 0.0
+    for r in range(q):
+        group.late[r] = group.free[r]
+        if group.free[r]:
+            # What is dual to G = 0 says how much of the load each carries.
+            group.goal[r] = abs(group.strength[r] * group.move[group.comp[r]])
+            total += group.goal[r]
+            if best < 0 or group.goal[r] > group.goal[best]:
+                best = r
+    group.late[best] = 0
+    rest = total - group.goal[best]
+    rank = independent(W, q)
+    if not rest > 0.0:
+        return rank
+    level = 1.0 if load * total >= rest - group.goal[best] else load * total / rest
+    for r in range(q):
+        k = group.comp[r]
+        S.status[k] = HELD
+        if group.late[r]:
+            S.mult[k] = math.copysign(level, group.lam[r])
+    for r in range(rank):
+        S.status[group.comp[group.order[r]]] = SOLVED
+    mask_solved(P, S, W)
+    call_newton(P.newton_unit, P, S, W)
+    share = 1.0
+    for r in range(q):
+        step = S.mult[group.comp[r]] - group.lam[r]
+        beyond = abs(S.mult[group.comp[r]]) > 1.0 and step * S.mult[group.comp[r]] > 0.0
+        if beyond:
+            share = min(share, _SPARE * (math.copysign(1.0, step) - group.lam[r]) / step)
+    for r in range(q):
+        k = group.comp[r]
+        S.mult[k] = group.lam[r] + max(share, 0.0) * (S.mult[k] - group.lam[r])
+    return rank
+
+
+@kernel
+def sliding_with(P, S, W, j):
+    """Overwrites W.instant.group by switch j and the sliding ones that act on it or it on them; returns how many."""
+    link(P, S, W, j)
+    size = 0
+    for i in range(P.m):
+        if W.linear.linked[i] and P.kind[i] == SLIDING and (i == j or S.status[i] == SOLVED):
+            W.instant.group[size] = i
+            size += 1
+    return size
+
+
+@kernel
+def settle_friction(P, S, R, W, size, leaves):
+    """The switches W.instant.group[:size] stand on their surfaces: what they do if that is dry friction between masses.
+
+    They come to rest there, or their force has jumped, or it `leaves` what a loop can hold. A code, or NOTHING, with
+    nothing changed, if they are none.
+    """
+    q = _gather(P, S, W, size)
+    rank = _rank_of_friction(P, S, W, q) if q > 1 else 0
+    if rank == 0 or (leaves and rank == q):
+        return NOTHING
+    group = W.together
+    load, moves = _find_lambda(P, S, W, rank, leaves)
+    if not load < math.inf or not _is_affine(P, S, W, q):
+        return NOTHING
+    sticking = 0
+    for r in range(q):
+        j = group.comp[r]
+        S.mult[j], S.deflate[j] = group.lam[r], 0
+        W.instant.hit[j] = W.instant.hit[j] and not leaves
+        if moves and group.free[r]:
+            S.status[j] = 1 if group.lam[r] > 0.0 else -1
+            S.mult[j] = float(S.status[j])
+            S.deflate[j] = 2 if leaves else 1
+            if r >= size and not leaves:  # the caller does not know of it
+                record_event(S, R, j, EV_RESET, 0, S.status[j])
+                W.instant.status[j] = S.status[j]
+        else:
+            S.status[j] = HELD
+            group.comp[sticking], group.lam[sticking], group.free[sticking] = j, group.lam[r], group.free[r]
+            group.strength[sticking] = group.strength[r]
+            sticking += 1
+    group.size = sticking
+    if rank == q:
+        for r in range(sticking):
+            S.status[group.comp[r]] = SOLVED
+    elif sticking > 0:
+        slopes_of_group(P, S, W, sticking)
+        rank = independent(W, sticking)
+        if rank < sticking and not moves:
+            if load > 0.0:
+                rank = _lead_to_bounds(P, S, W, load)
+            if not leaves:
+                record_ambiguity(S, R, group.comp[0], AMB_FORCES, 0)
+        for r in range(sticking):
+            group.late[r] = 0
+        for r in range(rank):
+            S.status[group.comp[group.order[r]]] = SOLVED
+    mask_solved(P, S, W)
+    return GO_ON if call_newton(P.newton_unit, P, S, W) != 0 else Outcome.NO_ROOT
+
+
+@kernel
+def leave_loop(P, S, R, W, j):
+    """Switch j, which sticks, has come to its bound: whether it is one of a loop of dry friction, and a code.
+
+    Then others take over what it carried as long as they can.
+    """
+    for k in range(P.m):
+        if S.status[k] == HELD and P.kind[k] == SLIDING:
+            break
+    else:
+        return False, GO_ON
+    code = settle_friction(P, S, R, W, sliding_with(P, S, W, j), True)
+    for k in range(P.m if code != NOTHING else 0):
+        stuck = W.instant.came[k] == SOLVED or W.instant.came[k] == HELD
+        if P.kind[k] == SLIDING and stuck and abs(S.status[k]) == 1:
+            record_event(S, R, k, EV_TANGENCY, 0, S.status[k])
+            W.instant.came[k] = S.status[k]
+    return code != NOTHING, code
