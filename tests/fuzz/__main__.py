@@ -27,6 +27,7 @@ NAMES = (
     "lines",
     "assemblies",
     "links",
+    "loops",
 )
 OF_DERIVATIVES = ("slopes", "differences", "gradients")
 SLOW = 5.0  # seconds of a case that are reported

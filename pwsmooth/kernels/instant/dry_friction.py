@@ -26,7 +26,7 @@ from .surface_rates import evaluate_surfaces, residual
 _SYMMETRIC = 1e-7  # of slopes, which differences tell
 _NO_SLOPE = 1e-12  # of the diagonal
 _ALIKE = 1e-9  # of a slope: what is left of it where the others that stick determine the surface
-_SPARE = 0.9  # how far lambda are led to their bounds, of the way there
+_SPARE = 0.9  # of the room to its bound: how far a lambda that is solved for may be led towards it
 
 
 @kernel
@@ -204,12 +204,12 @@ def _lead_to_bounds(P, S, W, load):
     share = 1.0
     for r in range(q):
         step = S.mult[group.comp[r]] - group.lam[r]
-        beyond = abs(S.mult[group.comp[r]]) > 1.0 and step * S.mult[group.comp[r]] > 0.0
-        if beyond:
-            share = min(share, _SPARE * (math.copysign(1.0, step) - group.lam[r]) / step)
+        room = _SPARE * (1.0 - math.copysign(group.lam[r], step * group.lam[r]))
+        if group.late[r] == 0 and abs(step) > room:
+            share = min(share, room / abs(step))
     for r in range(q):
         k = group.comp[r]
-        S.mult[k] = group.lam[r] + max(share, 0.0) * (S.mult[k] - group.lam[r])
+        S.mult[k] = group.lam[r] + share * (S.mult[k] - group.lam[r])
     return rank
 
 

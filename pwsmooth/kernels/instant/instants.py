@@ -150,16 +150,17 @@ def _arrivals(P, C, S, R, W, size, jumped):
         return code
     for a in range(joint):
         j = instant.active[a]
-        came = instant.came[j]
+        came = SOLVED if instant.came[j] == HELD else instant.came[j]
+        went = SOLVED if S.status[j] == HELD else S.status[j]
         S.deflate[j] = 1
-        if (S.status[j] == SOLVED or S.status[j] == HELD) and came != SOLVED:
+        if went == SOLVED and came != SOLVED:
             record_event(S, R, j, EV_STICK, came, 0)
             keep_on_surface(P, S, j, W)
             rest_with_friction(P, S)
             if some_second_order(P):
                 hold_beside(P, S, W)
-        elif S.status[j] != came:
-            record_event(S, R, j, EV_CROSSING if came != SOLVED else EV_RESET, came, S.status[j])
+        elif went != came:
+            record_event(S, R, j, EV_CROSSING if came != SOLVED else EV_RESET, came, went)
         if came != SOLVED:
             note_interval(S.last[j], S.t)
         if S.status[j] != SOLVED and P.step_unit != 0:
@@ -322,7 +323,7 @@ def _follow_up(P, C, S, R, W):
     if code == GO_ON:
         code = resettle(P, S, R, W)
     for j in range(P.m):
-        if S.status[j] != W.instant.status[j] and P.kind[j] != COMPONENT:
+        if S.status[j] != W.instant.status[j] and S.status[j] != HELD and P.kind[j] != COMPONENT:
             record_event(S, R, j, EV_RESET, SOLVED, S.status[j])
     return code
 
