@@ -26,8 +26,9 @@ __all__ = ["Derivatives", "EventDerivative", "NoDerivative", "Sides"]
 
 START_TIME = "t0"
 _TANGENT = 1e-9  # deviations out of a surface that are roundings
-# Ambiguities in which one of several attractors is taken: what is near it is taken too.
-_KEPT_CHOICES = ("several attracting states of the layer",)
+# Ambiguities that leave the motion what it is beside others: of several attractors the one near by is taken there, too;
+# of forces that are not unique the sum is.
+_KEPT_CHOICES = "several attracting states of the layer", "multipliers not unique"
 # How far beside a run others tell a derivative's limit, how many, and what the last two may differ by.
 _FARTHEST, _BESIDE, _AGREED = 1e-4, 6, 1e-6
 _SAME_INSTANT = 1e-12  # of the larger of the time and the span

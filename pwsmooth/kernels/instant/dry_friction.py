@@ -233,7 +233,7 @@ def settle_friction(P, S, R, W, size, leaves):
     nothing changed, if they are none.
     """
     q = _gather(P, S, W, size)
-    rank = _rank_of_friction(P, S, W, q) if q > 1 else 0
+    rank = _rank_of_friction(P, S, W, q) if q > 1 and P.nz == 0 else 0
     if rank == 0 or (leaves and rank == q):
         return NOTHING
     group = W.together
