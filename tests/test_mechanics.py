@@ -140,35 +140,76 @@ def test_a_block_that_lands_slides_under_the_load_of_its_contact():
     assert run["x"][-1] == pytest.approx(2 * lands + left**2 / (2 * 0.3 * 9.81), abs=1e-9)
 
 
-def test_a_four_bar_linkage_with_a_dry_joint_agrees_with_scipy():
+class FourBar:
     """Cranks of length 1 and 2, a coupler of 2 between their tips (its inertia lumped there), ground 2."""
-    a, b = me.dynamicsymbols("a b")
-    L = (a.diff() ** 2 + 4 * b.diff() ** 2) / 2 - 3 * (sp.sin(a) + sp.sin(b))
-    closes = (2 + 2 * sp.cos(b) - sp.cos(a)) ** 2 + (2 * sp.sin(b) - sp.sin(a)) ** 2 - 4
-    lagrange = me.LagrangesMethod(L, [a, b], hol_coneqs=[closes])
-    lagrange.form_lagranges_equations()
-    bars = System.from_mechanics(lagrange, friction={"a": Coulomb(F_c=0.3)})
-    A, B, p, q = sp.symbols("A B p q", real=True)
-    G = closes.subs({a: A, b: B})
-    Ga, Gb = G.diff(A), G.diff(B)
-    drift = sp.hessian(G, (A, B))
-    bend = (sp.Matrix([[p, q]]) * drift * sp.Matrix([p, q]))[0]
-    first, second = -3 * sp.cos(A), -3 * sp.cos(B)
-    numbers = sp.lambdify((A, B, p, q), [Ga, Gb, bend, first, second])
 
-    def rates(_, s):
-        ga, gb, c, one, two = numbers(*s)
-        one -= 0.3 * np.sign(s[2])
+    def __init__(self, **friction):
+        a, b = me.dynamicsymbols("a b")
+        L = (a.diff() ** 2 + 4 * b.diff() ** 2) / 2 - 3 * (sp.sin(a) + sp.sin(b))
+        closes = (2 + 2 * sp.cos(b) - sp.cos(a)) ** 2 + (2 * sp.sin(b) - sp.sin(a)) ** 2 - 4
+        lagrange = me.LagrangesMethod(L, [a, b], hol_coneqs=[closes])
+        lagrange.form_lagranges_equations()
+        laws = {name: Coulomb(F_c=force) for name, force in friction.items()}
+        self.system, self.friction = System.from_mechanics(lagrange, friction=laws), friction
+        A, B, p, q = sp.symbols("A B p q", real=True)
+        self.closes = closes.subs({a: A, b: B})
+        drift = sp.hessian(self.closes, (A, B))
+        bend = (sp.Matrix([[p, q]]) * drift * sp.Matrix([p, q]))[0]
+        weights = -3 * sp.cos(A), -3 * sp.cos(B)
+        self.numbers = sp.lambdify((A, B, p, q), [self.closes.diff(A), self.closes.diff(B), bend, *weights])
+        self.other = float(sp.nsolve(self.closes.subs(A, 1.0), B, 1.2))
+
+    def start(self, speed):
+        """States at a = 1."""
+        ga, gb, *_ = self.numbers(1.0, self.other, 0, 0)
+        return [1.0, self.other, speed, -speed * ga / gb]
+
+    def rates(self, _, s):
+        """For SciPy; friction by the signs of the speeds."""
+        ga, gb, c, one, two = self.numbers(*s)
+        one -= self.friction.get("a", 0) * np.sign(s[2])
+        two -= self.friction.get("b", 0) * np.sign(s[3])
         lam = -(ga * one + gb * two / 4 + c) / (ga**2 + gb**2 / 4)
         return [s[2], s[3], one + lam * ga, (two + lam * gb) / 4]
 
-    begin = np.array([1.0, float(sp.nsolve(G.subs(A, 1.0), B, 1.2))])
-    ga, gb, *_ = numbers(*begin, 0, 0)
-    start = [*begin, 1.5, -1.5 * ga / gb]
-    run = solve(bars, (0, 0.6), dict(zip(("a", "b", "a_dot", "b_dot"), start)), **TIGHT)
-    reference = solve_ivp(rates, (0, 0.6), start, method="DOP853", rtol=1e-12, atol=1e-13)
+    def solve(self, end, speed):
+        """By the package."""
+        start = dict(zip(("a", "b", "a_dot", "b_dot"), self.start(speed), strict=True))
+        return solve(self.system, (0, end), start, **TIGHT)
+
+
+def test_a_four_bar_linkage_with_a_dry_joint_agrees_with_scipy():
+    bars = FourBar(a=0.3)
+    run = bars.solve(0.6, 1.5)
+    reference = solve_ivp(bars.rates, (0, 0.6), bars.start(1.5), method="DOP853", rtol=1e-12, atol=1e-13)
     assert np.abs(reference.y[2]).min() > 0.05  # nothing switches on the way
     assert np.allclose(run.x[:4, -1], reference.y[:, -1], atol=1e-9)
+
+
+def test_two_dry_joints_of_a_four_bar_linkage_come_to_rest_together():
+    bars = FourBar(a=1.2, b=1.4)
+    run = bars.solve(3, 1.5)
+
+    def stops(_, s):
+        return s[2]
+
+    stops.terminal = True
+    reference = solve_ivp(
+        bars.rates, (0, 3), bars.start(1.5), method="DOP853", rtol=1e-12, atol=1e-13, events=stops
+    )
+    assert [e.kind for e in run.events] == ["stick", "stick"] and run.success
+    assert run.event_times() == pytest.approx(reference.t[-1], abs=1e-10)
+    assert run.x[:2, -1] == pytest.approx(reference.y[:2, -1], abs=1e-10)
+    assert np.abs(run.x[2:4, -1]).max() < 1e-13
+
+
+@pytest.mark.parametrize(("beyond", "held"), [(0.999, False), (1.001, True)])
+def test_two_dry_joints_of_a_four_bar_linkage_hold_as_much_as_both(beyond, held):
+    ga, gb, _, one, two = FourBar().numbers(*FourBar().start(0)[:2], 0, 0)
+    ratio = -ga / gb
+    joint = beyond * abs(one + ratio * two) / (1 + abs(ratio))  # of equal strength: virtual work
+    run = FourBar(a=joint, b=joint).solve(0.5, 0)
+    assert run.success and bool(np.abs(run.x[2:4, -1]).max() < 1e-13) is held
 
 
 def test_what_is_no_mechanism_or_no_velocity_is_refused():

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 import random
 
+import numpy as np
 import sympy as sp
 
 from .model import Held, Select
@@ -26,6 +27,7 @@ POINTS = 8  # on the surface; two would do for polynomials, more reach the branc
 SIZES = (1.0, *(10.0**-k for k in range(1, 9)), *(10.0**k for k in range(1, 5)))
 TRIES = 8  # in vain, before the next size
 TOLERANCE = 1e-9  # rounding of f, relative to its size beside the surface
+ROUNDING = 1e-13  # of a difference of two values of one expression
 _BETWEEN = (1.0, -1.0, 0.3, -0.6)  # values of lambda: even, odd and higher terms all show
 
 
@@ -181,12 +183,14 @@ class Surface:
     def nonlinear(self, expr, symbol=None):
         """Is `expr` nonlinear in lambda (or in another symbol) on the surface?"""
         symbol = symbol or self.lam
-        for _, on in self.points:
-            low, middle, off, high = (value(expr, on | {symbol: s}) for s in (-1.0, 0.0, 0.5, 1.0))
-            defects = abs(middle - (low + high) / 2), abs(off - (low + 3 * high) / 4)
-            if max(defects) > TOLERANCE * (abs(low) + abs(high) + abs(middle)):
-                return True
-        return False
+        return any(_bends(expr, lambda s, on=on: on | {symbol: s}) for _, on in self.points)
+
+
+def _bends(e, at):
+    """Whether an expression is no affine function of s at the points at(s)."""
+    low, middle, off, high = (value(e, at(s)) for s in (-1.0, 0.0, 0.5, 1.0))
+    defects = abs(middle - (low + high) / 2), abs(off - (low + 3 * high) / 4)
+    return max(defects) > TOLERANCE * (abs(low) + abs(high) + abs(middle))
 
 
 def _part_with(symbol, e):
@@ -262,14 +266,69 @@ def classify(field, index, residual):
     dependent = field.by_multiplier[lam]
     if not dependent:
         return "kink", False
-    through = [(a, r) for a, r in field.algebraic if a in residual.free_symbols and lam in r.free_symbols]
-    surface = Surface(field, index, [residual, *dependent])
+    response = Response(field, lam, residual)
+    surface = Surface(field, index, [residual, *dependent, *response.equations])
     if all(surface.differ(e) is False for e in dependent):
         return "kink", False
-    explicit = lam in residual.free_symbols and surface.differ(residual) is not False
-    if not explicit and not through:
+    if response.unknowns:
+        acts, bends = response.at(surface)
+        return ("sliding", bends) if acts else ("crossing", False)
+    if lam not in residual.free_symbols or surface.differ(residual) is False:
         return "crossing", False
-    hidden = surface.nonlinear(residual) or any(
-        surface.nonlinear(r) or surface.nonlinear(r, a) or surface.nonlinear(residual, a) for a, r in through
-    )
-    return "sliding", hidden
+    return "sliding", surface.nonlinear(residual)
+
+
+class Response:
+    """How a residual follows a multiplier through the unknowns of the same instant that this moves."""
+
+    def __init__(self, field, lam, residual):
+        self.lam, self.residual = lam, residual
+        every = {a for a, _ in field.algebraic}
+        moved: set[sp.Symbol] = set()
+        while True:
+            # In one equation with it, or with what it moves.
+            found = [e for _, e in field.algebraic if not e.free_symbols.isdisjoint({lam, *moved})]
+            if moved == (reached := every & set().union(*(e.free_symbols for e in found))):
+                break
+            moved = reached
+        if moved.isdisjoint(residual.free_symbols):
+            moved, found = set(), []
+        self.unknowns, self.equations = sorted(moved, key=lambda a: a.name), found
+
+    def at(self, surface):
+        """(whether the residual changes with the multiplier, whether any equation bends on the way), at the points."""
+        acts = bends = told = False
+        for _, on in surface.points:
+            way = self._way(on)
+            if way is None:
+                continue
+            told = True
+            low, high = (value(self.residual, self._along(on, way, s)) for s in (-1.0, 1.0))
+            alone = [self._along(on, part, s) for part in np.diag(way) for s in (-1.0, 1.0)]
+            parts = [value(self.residual, point | {self.lam: 0.0}) for point in alone]
+            parts += [value(self.residual, on | {self.lam: s}) for s in (-1.0, 1.0)]
+            most = max(abs(b - a) for a, b in zip(parts[::2], parts[1::2], strict=True))
+            acts = acts or abs(high - low) > max(TOLERANCE * most, ROUNDING * (abs(high) + abs(low)))
+            bends = bends or any(
+                _bends(e, lambda s, on=on, way=way: self._along(on, way, s))
+                for e in (self.residual, *self.equations)
+            )
+        if told:
+            return acts, bends
+        return True, any(surface.nonlinear(e) for e in (self.residual, *self.equations))
+
+    def _along(self, on, way, s):
+        return on | {self.lam: s} | {a: on[a] + s * w for a, w in zip(self.unknowns, way, strict=True)}
+
+    def _way(self, on):
+        """The change of the unknowns a multiplier: differences are exact where the equations are affine."""
+        columns = []
+        for symbol in (*self.unknowns, self.lam):
+            centre = 0.0 if symbol == self.lam else on[symbol]
+            sides = [[value(e, on | {symbol: centre + s}) for e in self.equations] for s in (1.0, -1.0)]
+            columns.append((np.array(sides[0]) - np.array(sides[1])) / 2)
+        J, b = np.stack(columns[:-1], axis=1), columns[-1]
+        if len(self.equations) != len(self.unknowns) or not np.isfinite(J).all() or not np.isfinite(b).all():
+            return None
+        way, _, rank, _ = np.linalg.lstsq(J, -b)
+        return way if rank == len(way) else None

@@ -30,19 +30,18 @@ _SPARE = 0.9  # of the room to its bound: how far a lambda that is solved for ma
 
 
 @kernel
-def is_shared(P, S, W, j):
-    """Whether switch j is held by others that stick, whatever its lambda is. Slopes are read in W.G, W.mask is lost."""
+def is_held(P, S, W, j):
+    """Whether what is solved for keeps switch j on its surface, whatever its lambda is. W.G has the slopes; W.mask is
+    lost."""
     mask_solved(P, S, W)
     row, col, u = P.g_row, P.g_col, W.linear.rhs
     for k in range(P.m):
         u[k] = 0.0
-    some = False
     for k in range(P.m):
         for e in range(row[k], row[k + 1]):
             if col[e] == j and W.mask[k]:
                 u[k] = -W.G[e]
-                some = some or (P.kind[k] == SLIDING and W.G[e] != 0.0)
-    if not some or not solve_masked(P, W):
+    if not solve_masked(P, W):
         return False
     total, size = W.G[P.g_diagonal[j]], abs(W.G[P.g_diagonal[j]])
     for e in range(row[j], row[j + 1]):

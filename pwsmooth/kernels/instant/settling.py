@@ -25,7 +25,7 @@ from ..surface.layer import ARRIVE, FIRST_ZERO
 from ..surface.sliding import follow, mask_instant, mask_solved
 from ..surface.sparse import link
 from ..surface.unknowns import solve_unknowns
-from .dry_friction import is_shared, settle_friction, sliding_with
+from .dry_friction import is_held, settle_friction, sliding_with
 from .holding import (
     held_by,
     hold_beside,
@@ -141,7 +141,7 @@ def release_held(P, C, S, R, W):
     for j in range(P.m):
         if S.status[j] != HELD or P.kind[j] == DISC or P.kind[j] == COMPONENT:
             continue
-        held = is_shared(P, S, W, j) if P.kind[j] == SLIDING else held_by(P, S, W, j) >= 0
+        held = is_held(P, S, W, j) if P.kind[j] == SLIDING else held_by(P, S, W, j) >= 0
         if not held and (P.kind[j] == SLIDING or P.kind[j] == SECOND_ORDER):
             W.instant.active[size] = j
             size += 1
