@@ -117,11 +117,14 @@ def test_a_lattice_fires_in_the_avalanches_of_an_automaton():
     assert not run.ambiguities
 
 
-def test_neighbours_that_are_full_at_once_by_themselves_are_recorded():
-    scene = firing_lattice(shape=(12, 12), leak=0.2)
+def test_neighbours_that_are_full_at_once_by_themselves_give_to_each_other():
+    scene = firing_lattice(shape=(12, 12), leak=0.2, share=0.22)
     full = {name: 0.9 if k in (5, 6) else 0.2 for k, name in enumerate(scene.start)}
-    run = scene.solve((0, 0.2), full, t_eval=[0, 0.2])
-    assert len(run.events) == 2 and "conflicting updates" in str(run.ambiguities[0])
+    run = scene.solve((0, 0.2), full, t_eval=[0, 0.2], **TIGHT)
+    assert len(run.events) == 2 and not run.ambiguities
+    # du/dt = 1 - u/5 from 0.22 on.
+    left = 5 - (5 - 0.22) * np.exp(-(0.2 - run.events.times[0]) / 5)
+    assert run.x[5:7, -1] == pytest.approx([left, left], abs=1e-11)
     with pytest.raises(ValueError, match="give less than 0.25"):
         firing_lattice(share=0.25)
     with pytest.raises(ValueError, match="give drive > leak"):

@@ -244,6 +244,16 @@ def without_discs(model, what):
         )
 
 
+def without_together(model, what):
+    """Refuses events that say what holds beside others, where only the event-driven loop knows it."""
+    events = [event.name for event in model.events if event.together]
+    if events:
+        raise ValueError(
+            f"{what} of a system with `together` in its events ({listing(events)}) are not known; solve() with method "
+            "'taylor' or 'rk' has them, without derivatives."
+        )
+
+
 def all_of_kind(argument, items, kind):
     """`items`, objects of a kind, as a tuple."""
     items = several(items, f"`{argument}`")

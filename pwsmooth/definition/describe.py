@@ -200,4 +200,6 @@ def _event(spec, event):
     effect = ", ".join(f"{key} := {value}" for key, value in event.update)
     guard = "" if event.when is sp.true else f" if {event.when}"
     stop = ", stops" if event.terminal else ""
+    if event.together:
+        stop += f", beside others {event.together}"
     return f"{spec.name}: {instant}{guard}" + (f": {effect}" if effect else "") + stop

@@ -181,6 +181,7 @@ class Expansion:
             when=part(item.when),
             terminal=item.terminal,
             name=name,
+            together=item.together,
         )
 
     @items.register

@@ -175,6 +175,10 @@ def _event(
             raise TypeError(
                 f"`{what}` of event {name!r} is a formula; a system of functions takes a function of (t, x, p)."
             )
+    if event.together is not None:
+        raise ValueError(
+            f"`together` of event {name!r} has no meaning for a function, which gives all states; leave it out."
+        )
     by_name = {p.name: p for p in parameters}
     clock = [e for e in (event.every, *event.at) if e is not None]
     known = [e.xreplace({s: by_name[s.name] for s in e.free_symbols if s.name in by_name}) for e in clock]

@@ -219,6 +219,7 @@ class EventSpec:
     terminal: bool = False
     singular: str = ""
     recorded: bool = True
+    together: str | None = None  # of primitives.TOGETHER
 
     @property
     def tables(self) -> tuple[Table, ...]:

@@ -23,6 +23,8 @@ import sympy as sp
 
 from . import checks
 
+TOGETHER = "add", "set"  # what of an assignment and of what others add to the same state holds
+
 
 class Switch(sp.Symbol):
     """The multiplier lambda of a switching surface: sign(surface) off it, between -1 and 1 on it.
@@ -398,6 +400,10 @@ class Event:
         The run stops here.
     name : str, optional
         What the records of the solution call it.
+    together : {None, "add", "set"}
+        What a state becomes that this event assigns and others of the same instant add to: with "add" what is
+        assigned and what they add, as of a site that topples beside others that do; with "set" what is assigned, as
+        of an oscillator that fires with others and does not feel them. Event-driven runs only, without derivatives.
 
     Raises
     ------
@@ -428,6 +434,7 @@ class Event:
     when: sp.Basic | Callable
     terminal: bool
     name: str | None
+    together: str | None
 
     def __init__(
         self,
@@ -440,6 +447,7 @@ class Event:
         when=True,
         terminal=False,
         name=None,
+        together=None,
     ):
         causes = [k for k, value in {"surface": surface, "every": every, "at": at}.items() if value is not None]
         if len(causes) != 1:
@@ -480,7 +488,8 @@ class Event:
             when = checks.plain_states(when, "`when` of an Event")
         terminal = checks.flag(terminal, "`terminal` of an Event")
         name = None if name is None else _name(name, "Event")
-        values = (surface, every, at or (), direction, update, when, terminal, name)
+        together = checks.one_of(None, *TOGETHER)(together, "`together` of an Event")
+        values = (surface, every, at or (), direction, update, when, terminal, name, together)
         for key, value in zip(self.__dataclass_fields__, values, strict=True):
             object.__setattr__(self, key, value)
 

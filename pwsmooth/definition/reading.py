@@ -247,7 +247,17 @@ def _events(events, lift, order, moving, beside):
                 )
         when = lift(event.when, **_INSTANT)
         specs.append(
-            EventSpec(name, surface, event.every, event.at, event.direction, when, update, event.terminal)
+            EventSpec(
+                name,
+                surface,
+                event.every,
+                event.at,
+                event.direction,
+                when,
+                update,
+                event.terminal,
+                together=event.together,
+            )  # fmt: skip
         )
     names = [s.name for s in specs]
     if len(set(names)) < len(names):

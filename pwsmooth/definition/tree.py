@@ -45,10 +45,10 @@ _NUMBERS: dict[str, tuple[type, Callable]] = {
 }
 
 
-def _event(surface, every, at, direction, update, when, terminal, name):
+def _event(surface, every, at, direction, update, when, terminal, name, together):
     return Event(
         surface, every=every, at=at or None, direction=direction, update=dict(update), when=when, terminal=terminal,
-        name=name,
+        name=name, together=together,
     )  # fmt: skip
 
 

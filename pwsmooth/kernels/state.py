@@ -61,6 +61,8 @@ DUE, ACTS, ACTED = 1, 2, 3
 TIMED, SILENT, PLAIN, ALWAYS = -1, 0, 1, 2
 # `terminal` of an event that no record tells of: a sample of a drive.
 UNRECORDED = 2
+# In `rule`, as in definition/primitives.py.
+ADD, SET = 1, 2
 # In `left`.
 OFF, THROUGH = 1, 2
 MOST_AT_ONCE = 60  # events without progress in time before the run says that they do not converge
@@ -129,6 +131,7 @@ class Problem(Bundle):
     nested: "i8[m]"  # another multiplier stands in the surface, which jumps when that one switches
     surface_state: "i8[m]"  # index of the state that is the surface, or -1
     direction: "i8[ne]"
+    rule: "i8[ne]"  # ADD, SET, or 0
     terminal: "i8[ne]"
     watch: "i8[ne]"  # what there is at a singular argument (singular.py), 0 for an event of the user's
     watch_state: "i8[ne]"  # index of the state that it is, or -1

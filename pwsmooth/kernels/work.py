@@ -249,7 +249,9 @@ class Firing(Bundle):
     switch_level: "f8[m]"  # the switches' surfaces before the first update; nan for none
     added: "i8[n]"  # states that they add to, and that they set
     was_set: "i8[n]"
-    value: "f8[n]"  # to what
+    rule: "i8[n]"  # of Problem.rule
+    value: "f8[n]"  # to what they are set, and what is added
+    sum: "f8[n]"
     trial: "f8[n]"
     shifted: "f8[n]"
 

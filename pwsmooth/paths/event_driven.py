@@ -170,6 +170,8 @@ class EventDriven:
         # A tape is played again by series; where an argument of a root comes to 0 there is none.
         self.by_series = parts.has_jets and not parts.singular
         self.tape = options.tape and parts.has_jets
+        if self.tape:
+            checks.without_together(model, "derivatives")
         self.rows = self.tape and options.rows and options.method not in METHODS
         self.sizes = parts.code
         if options.method == "taylor" and not parts.has_jets:

@@ -192,6 +192,7 @@ class _Run:
             flat_slip=slip["flat"], flat_general=general["flat"], flat_of_slip=slip["flat_of"],
             flat_of_general=general["flat_of"], flat_own_slip=slip["flat_own"],
             flat_own_general=general["flat_own"], direction=fixed["direction"][of_e], terminal=fixed["terminal"][of_e],
+            rule=fixed["rule"][of_e],
             twin=np.sign(twin) * np.array(twins, np.int64), carried=self.parts.carried[of_e],
             atol=np.maximum(self.atol[:: self.n], 1e-300), p_fixed=self.p_fixed[self.own_parameters],
             p_blocks=self.p_blocks[self.own_parameters],

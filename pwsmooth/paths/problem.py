@@ -140,6 +140,9 @@ class CompiledProblem:
             twin = families.numbered("events", "multipliers", twin)
         return dict(
             direction=self._numbers("events", [e.direction for e in events]),
+            rule=self._numbers(
+                "events", [{None: 0, "add": state.ADD, "set": state.SET}[e.together] for e in events]
+            ),
             terminal=self._numbers(
                 "events", [int(e.terminal) if e.recorded else state.UNRECORDED for e in events]
             ),

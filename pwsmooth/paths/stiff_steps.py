@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pwsmooth.definition import checks
 from pwsmooth.definition.model import Model
 from pwsmooth.kernels.outcome import Outcome
 from pwsmooth.kernels.state import ALWAYS, PLAIN, SILENT, TIMED
@@ -134,6 +135,7 @@ def integrate(
 
     if method not in METHODS:
         raise ValueError(f"`method` is {method!r}; the smoothed path knows {', '.join(METHODS)}.")
+    checks.without_together(model, "implicit steps")
     chunk, units = stiff_loop()
     spending = spending or opened()
     compiled = codegen.compile_stiff(model)

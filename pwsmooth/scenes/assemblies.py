@@ -238,8 +238,9 @@ def firing_lattice(
     beside = [links.neighbour(u, j) for j in range(1, 2 * len(shape) + 1)]
     given, rate, loss = sp.symbols("share drive leak", nonnegative=True)
     fire = Event(
-        u - 1, direction=1, update={u: 0} | {other: other + given * u for other in beside}, name="fire"
-    )
+        u - 1, direction=1, update={u: 0} | {other: other + given * u for other in beside}, name="fire",
+        together="add",
+    )  # fmt: skip
     system = System({u: rate - loss * u}, parameters={given: share, rate: drive, loss: leak}, events=[fire])
     start = np.random.default_rng(seed).uniform(0, 1, family.n)
     return Scene(

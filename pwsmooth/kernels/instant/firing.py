@@ -7,6 +7,7 @@ from ..machine.pointers import call_act, call_fields
 from ..outcome import Outcome
 from ..state import (
     ACTS,
+    ADD,
     AMB_UPDATES,
     CONTACT,
     DISC,
@@ -62,8 +63,9 @@ def _record(loop, i, t):
 
 
 @kernel
-def _note_conflicts(loop, together):
-    """Records an ambiguity where one of the events that act sets a state that another sets or adds to otherwise.
+def _bring_together(loop, together):
+    """What becomes of a state that one of the events that act sets, and others set or add to: as they say, or an
+    ambiguity.
 
     What an event adds moves with the value that it is added to, what it sets does not: each is run from two values.
     """
@@ -72,37 +74,36 @@ def _note_conflicts(loop, together):
         put_on_tape(P, S, R, TAPE_ROUND, 0, 0, 0, 0.0)
     if together < 2:
         return
-    firing = W.firing
-    added, was_set, value, trial, shifted = (
-        firing.added,
-        firing.was_set,
-        firing.value,
-        firing.trial,
-        firing.shifted,
-    )
+    E = W.firing
     for k in range(P.n):
-        added[k] = was_set[k] = 0
-    conflict = -1
+        E.added[k] = E.was_set[k] = E.rule[k] = 0
+        E.sum[k] = 0.0
+    conflict, last = False, -1
     for i in range(P.ne):
-        if firing.due[i] != ACTS:
+        if E.due[i] != ACTS:
             continue
+        last = i
         for k in range(P.n):
-            trial[k] = firing.before[k]
-            shifted[k] = firing.before[k] + 1.0 + abs(firing.before[k])
-        call_act(P.act, i, S.t, firing.before, S.mult, P.p, trial)
-        call_act(P.act, i, S.t, firing.before, S.mult, P.p, shifted)
+            E.trial[k], E.shifted[k] = 0.0, 1.0 + abs(E.before[k])
+        call_act(P.act, i, S.t, E.before, S.mult, P.p, E.trial)
+        call_act(P.act, i, S.t, E.before, S.mult, P.p, E.shifted)
         for k in range(P.n):
-            if trial[k] == shifted[k]:
-                if added[k] or (was_set[k] and value[k] != trial[k]):
-                    conflict = i
-                was_set[k] = 1
-                value[k] = trial[k]
-            elif trial[k] != firing.before[k]:
-                if was_set[k]:
-                    conflict = i
-                added[k] = 1
-    if conflict >= 0:
-        record_ambiguity(S, R, P.m + conflict, AMB_UPDATES, 0)
+            if E.trial[k] == E.shifted[k]:
+                conflict = conflict or (E.was_set[k] != 0 and E.value[k] != E.trial[k])
+                E.was_set[k], E.value[k] = 1, E.trial[k]
+                E.rule[k] = max(E.rule[k], P.rule[i])
+            elif E.trial[k] != 0.0:
+                E.added[k] = 1
+                E.sum[k] += E.trial[k]
+    for k in range(P.n):
+        if E.was_set[k] == 0 or E.added[k] == 0:
+            continue
+        if E.rule[k] == 0:
+            conflict = True
+        else:
+            E.after[k] = E.value[k] + (E.sum[k] if E.rule[k] == ADD else 0.0)
+    if conflict:
+        record_ambiguity(S, R, P.m + last, AMB_UPDATES, 0)
 
 
 @kernel
@@ -138,7 +139,7 @@ def events(P, C, S, R, W):
     for i in range(P.ne):
         firing.level[i] = W.h[m + i]
     code = fire(
-        firing, (P, S, R, W), P.n, P.ne, S.t, S.x, S.side, P.direction, _look, _act, _record, _note_conflicts
+        firing, (P, S, R, W), P.n, P.ne, S.t, S.x, S.side, P.direction, _look, _act, _record, _bring_together
     )
     instant.jumped = firing.jumped
     for i in range(P.ne):

@@ -139,7 +139,7 @@ def shape(A, P, C, W):
     for b in range(ne):
         for k in range(M):
             i = number_of(E, nm + b, M, k) - P.m
-            P.direction[i], P.terminal[i] = E.direction[b], E.terminal[b]
+            P.direction[i], P.terminal[i], P.rule[i] = E.direction[b], E.terminal[b], E.rule[b]
             P.watch[i], P.watch_state[i], W.firing.carried[i] = 0, -1, E.carried[b]
             twin = abs(E.twin[b]) - 1
             P.twin[i] = (number_of(E, twin, M, k) + 1) * (1 if E.twin[b] > 0 else -1) if twin >= 0 else 0

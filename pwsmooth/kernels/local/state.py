@@ -74,6 +74,7 @@ class Kind(Bundle):
     flat_own_slip: "i8[:]"
     flat_own_general: "i8[:]"
     direction: "i8[ne]"
+    rule: "i8[ne]"
     terminal: "i8[ne]"
     twin: "i8[ne]"
     carried: "i8[ne]"
