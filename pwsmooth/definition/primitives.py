@@ -488,7 +488,8 @@ class Event:
             when = checks.plain_states(when, "`when` of an Event")
         terminal = checks.flag(terminal, "`terminal` of an Event")
         name = None if name is None else _name(name, "Event")
-        together = checks.one_of(None, *TOGETHER)(together, "`together` of an Event")
+        if together is not None:
+            together = checks.one_of(*TOGETHER)(together, "`together` of an Event")
         values = (surface, every, at or (), direction, update, when, terminal, name, together)
         for key, value in zip(self.__dataclass_fields__, values, strict=True):
             object.__setattr__(self, key, value)
