@@ -402,8 +402,8 @@ class Event:
         What the records of the solution call it.
     together : {None, "add", "set"}
         What a state becomes that this event assigns and others of the same instant add to: with "add" what is
-        assigned and what they add, as of a site that topples beside others that do; with "set" what is assigned, as
-        of an oscillator that fires with others and does not feel them. Event-driven runs only, without derivatives.
+        assigned and what they add, as of a site that topples beside others that do; with "set" what is assigned,
+        whatever follows at this instant, as of an oscillator that fires with others and does not feel them. Event-driven runs only, without derivatives.
 
     Raises
     ------

@@ -250,6 +250,8 @@ class Firing(Bundle):
     added: "i8[n]"  # states that they add to, and that they set
     was_set: "i8[n]"
     rule: "i8[n]"  # of Problem.rule
+    keeps: "int"  # whether some state keeps at this instant what it was set to
+    kept: "i8[n]"  # whether this one does
     value: "f8[n]"  # to what they are set, and what is added
     sum: "f8[n]"
     trial: "f8[n]"

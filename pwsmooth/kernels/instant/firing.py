@@ -17,6 +17,7 @@ from ..state import (
     GO_ON,
     HELD,
     SECOND_ORDER,
+    SET,
     TAPE_ACT,
     TAPE_ROUND,
     THROUGH,
@@ -72,9 +73,12 @@ def _bring_together(loop, together):
     P, S, R, W = loop
     if R.tape.shape[0] > 0:
         put_on_tape(P, S, R, TAPE_ROUND, 0, 0, 0, 0.0)
-    if together < 2:
-        return
     E = W.firing
+    for i in range(P.ne):
+        if E.due[i] == ACTS and P.rule[i] == SET:
+            E.keeps = 1
+    if together < 2 and E.keeps == 0:
+        return
     for k in range(P.n):
         E.added[k] = E.was_set[k] = E.rule[k] = 0
         E.sum[k] = 0.0
@@ -96,12 +100,15 @@ def _bring_together(loop, together):
                 E.added[k] = 1
                 E.sum[k] += E.trial[k]
     for k in range(P.n):
-        if E.was_set[k] == 0 or E.added[k] == 0:
-            continue
-        if E.rule[k] == 0:
-            conflict = True
-        else:
-            E.after[k] = E.value[k] + (E.sum[k] if E.rule[k] == ADD else 0.0)
+        if E.kept[k] != 0 and E.was_set[k] == 0:
+            E.after[k] = E.before[k]
+        elif E.was_set[k] != 0 and E.added[k] != 0:
+            if E.rule[k] == 0:
+                conflict = True
+            else:
+                E.after[k] = E.value[k] + (E.sum[k] if E.rule[k] == ADD else 0.0)
+        if E.was_set[k] != 0 and E.rule[k] == SET:
+            E.kept[k] = 1
     if conflict:
         record_ambiguity(S, R, P.m + last, AMB_UPDATES, 0)
 
@@ -129,6 +136,9 @@ def events(P, C, S, R, W):
             firing.due[C.clock_event[S.ticks]] = DUE
             S.ticks += 1
             some = True
+    for k in range(P.n if firing.keeps != 0 else 0):
+        firing.kept[k] = 0
+    firing.keeps = 0
     for k in range(P.n):
         firing.arrived[k] = S.x[k]
     if not some:
