@@ -403,7 +403,8 @@ class Event:
     together : {None, "add", "set"}
         What a state becomes that this event assigns and others of the same instant add to: with "add" what is
         assigned and what they add, as of a site that topples beside others that do; with "set" what is assigned,
-        whatever follows at this instant, as of an oscillator that fires with others and does not feel them. Event-driven runs only, without derivatives.
+        whatever follows at this instant, as of an oscillator that fires with others and does not feel them.
+        Event-driven runs only, without derivatives.
 
     Raises
     ------

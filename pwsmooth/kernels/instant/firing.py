@@ -136,9 +136,6 @@ def events(P, C, S, R, W):
             firing.due[C.clock_event[S.ticks]] = DUE
             S.ticks += 1
             some = True
-    for k in range(P.n if firing.keeps != 0 else 0):
-        firing.kept[k] = 0
-    firing.keeps = 0
     for k in range(P.n):
         firing.arrived[k] = S.x[k]
     if not some:
@@ -151,6 +148,9 @@ def events(P, C, S, R, W):
     code = fire(
         firing, (P, S, R, W), P.n, P.ne, S.t, S.x, S.side, P.direction, _look, _act, _record, _bring_together
     )
+    for k in range(P.n if firing.keeps != 0 else 0):
+        firing.kept[k] = 0
+    firing.keeps = 0
     instant.jumped = firing.jumped
     for i in range(P.ne):
         if firing.left[i]:
