@@ -14,12 +14,7 @@ from ..machine.pointers import call_newton
 from ..outcome import Outcome
 from ..state import AMB_FORCES, GO_ON, SOLVED
 from ..step.recording import record_ambiguity
-from ..surface.dependent import (
-    gather,
-    independent,
-    put_at_rest,
-    slopes_of_group,
-)
+from ..surface.dependent import gather, independent, put_at_rest, slopes_of_group
 from ..surface.sharing import FULL, largest_lambda, least_load, slip_or_stick, square_of_ball
 from ..surface.sliding import INSIDE, mask_solved
 
@@ -64,8 +59,7 @@ def _find_shares(P, S, W, leaves):
     """Overwrites lambda of the group in W.together by what holds it, or by that with which it moves on.
 
     Returns the largest |lambda_k| of the least load, inf if there is none and 0 if it rests already, and whether it
-    moves. If its force has not
-    jumped it `leaves` where no lambda in the balls holds it any more.
+    moves. If its force has not jumped it `leaves` where no lambda in the balls holds it any more.
     """
     group, load = W.together, math.inf
     q = group.size
