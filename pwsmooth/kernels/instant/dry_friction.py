@@ -248,7 +248,9 @@ def settle_friction(P, S, R, W, size, leaves):
             S.status[j] = 1 if group.lam[r] > 0.0 else -1
             S.mult[j] = float(S.status[j])
             S.deflate[j] = 2 if leaves else 1
-            if r >= size and not leaves:  # the caller does not know of it
+            if leaves:
+                record_event(S, R, j, EV_TANGENCY, 0, S.status[j])
+            elif r >= size:  # the caller does not know of it
                 record_event(S, R, j, EV_RESET, 0, S.status[j])
                 W.instant.status[j] = S.status[j]
         else:
@@ -278,19 +280,11 @@ def settle_friction(P, S, R, W, size, leaves):
 
 @kernel
 def leave_loop(P, S, R, W, j):
-    """Switch j, which sticks, has come to its bound: whether it is one of a loop of dry friction, and a code.
+    """Switch j, which sticks, has come to its bound: a code, NOTHING if it is in no loop of dry friction.
 
-    Then others take over what it carried as long as they can.
+    Others take over what it carried as long as they can.
     """
     for k in range(P.m):
         if S.status[k] == HELD and P.kind[k] == SLIDING:
-            break
-    else:
-        return False, GO_ON
-    code = settle_friction(P, S, R, W, sliding_with(P, S, W, j), True)
-    for k in range(P.m if code != NOTHING else 0):
-        stuck = W.instant.came[k] == SOLVED or W.instant.came[k] == HELD
-        if P.kind[k] == SLIDING and stuck and abs(S.status[k]) == 1:
-            record_event(S, R, k, EV_TANGENCY, 0, S.status[k])
-            W.instant.came[k] = S.status[k]
-    return code != NOTHING, code
+            return settle_friction(P, S, R, W, sliding_with(P, S, W, j), True)
+    return NOTHING

@@ -215,11 +215,11 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
                 if P.kind[j] == SLIDING:
                     if some_second_order(P) and hold_instead(P, S, R, W, j):
                         continue
-                    shared, code = leave_loop(P, S, R, W, j)
-                    if code != GO_ON and code != NOTHING:
-                        return code, True
-                    if shared:
+                    code = leave_loop(P, S, R, W, j)
+                    if code == GO_ON:
                         continue
+                    if code != NOTHING:
+                        return code, True
                 status[j] = W.meeting.exit_side[j]
                 mult[j] = float(status[j])
                 S.deflate[j] = 3 if smooth else 2

@@ -136,7 +136,7 @@ def independent(W, q):
         p = order[i]
         for r in range(i + 1, q):
             factor = A[order[r], p] / A[p, p]
-            for c in range(i + 1, q):
+            for c in range(i + 1, q if factor != 0.0 else 0):
                 A[order[r], order[c]] -= factor * A[p, order[c]]
     return q
 

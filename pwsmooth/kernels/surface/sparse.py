@@ -82,7 +82,7 @@ def solve_dense(A, size, count):
             return False
         for r in range(i + 1, size):
             factor = A[r, i] / A[i, i]
-            for c in range(i, width):
+            for c in range(i, width if factor != 0.0 else 0):
                 before = abs(A[r, c])
                 A[r, c] -= factor * A[i, c]
                 if c < size and abs(A[r, c]) <= _CANCELLED * before:
