@@ -296,8 +296,10 @@ class Response:
         self.unknowns, self.equations = sorted(moved, key=lambda a: a.name), found
 
     def at(self, surface):
-        """(whether the residual changes with the multiplier, whether any equation bends on the way), at the points."""
+        """(whether the residual changes with the multiplier, whether an equation with both bends on the way), at the points."""
         acts = bends = told = False
+        # An equation without it is monotone in its unknown (Algebraic): it bends g and leaves it the one root.
+        direct = [self.residual, *(e for e in self.equations if self.lam in e.free_symbols)]
         for _, on in surface.points:
             way = self._way(on)
             if way is None:
@@ -309,13 +311,10 @@ class Response:
             parts += [value(self.residual, on | {self.lam: s}) for s in (-1.0, 1.0)]
             most = max(abs(b - a) for a, b in zip(parts[::2], parts[1::2], strict=True))
             acts = acts or abs(high - low) > max(TOLERANCE * most, ROUNDING * (abs(high) + abs(low)))
-            bends = bends or any(
-                _bends(e, lambda s, on=on, way=way: self._along(on, way, s))
-                for e in (self.residual, *self.equations)
-            )
+            bends = bends or any(_bends(e, lambda s, on=on, way=way: self._along(on, way, s)) for e in direct)
         if told:
             return acts, bends
-        return True, any(surface.nonlinear(e) for e in (self.residual, *self.equations))
+        return True, any(surface.nonlinear(e) for e in direct)
 
     def _along(self, on, way, s):
         return on | {self.lam: s} | {a: on[a] + s * w for a, w in zip(self.unknowns, way, strict=True)}
