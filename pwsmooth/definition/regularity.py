@@ -296,7 +296,7 @@ class Response:
         self.unknowns, self.equations = sorted(moved, key=lambda a: a.name), found
 
     def at(self, surface):
-        """(whether the residual changes with the multiplier, whether an equation with both bends on the way), at the points."""
+        """(whether the residual changes with the multiplier, whether an equation with that bends on the way)."""
         acts = bends = told = False
         # An equation without it is monotone in its unknown (Algebraic): it bends g and leaves it the one root.
         direct = [self.residual, *(e for e in self.equations if self.lam in e.free_symbols)]
@@ -321,12 +321,15 @@ class Response:
 
     def _way(self, on):
         """The change of the unknowns a multiplier: differences are exact where the equations are affine."""
-        columns = []
-        for symbol in (*self.unknowns, self.lam):
-            centre = 0.0 if symbol == self.lam else on[symbol]
-            sides = [[value(e, on | {symbol: centre + s}) for e in self.equations] for s in (1.0, -1.0)]
-            columns.append((np.array(sides[0]) - np.array(sides[1])) / 2)
-        J, b = np.stack(columns[:-1], axis=1), columns[-1]
+        symbols = (*self.unknowns, self.lam)
+        J = np.zeros((len(self.equations), len(symbols)))
+        for i, e in enumerate(self.equations):
+            for k, symbol in enumerate(symbols):
+                if symbol in e.free_symbols:
+                    centre = 0.0 if symbol == self.lam else on[symbol]
+                    high, low = (value(e, on | {symbol: centre + s}) for s in (1.0, -1.0))
+                    J[i, k] = (high - low) / 2
+        J, b = J[:, :-1], J[:, -1]
         if len(self.equations) != len(self.unknowns) or not np.isfinite(J).all() or not np.isfinite(b).all():
             return None
         way, _, rank, _ = np.linalg.lstsq(J, -b)
