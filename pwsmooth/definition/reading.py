@@ -246,19 +246,8 @@ def _events(events, lift, order, moving, beside):
                     "numbers and parameters. Use a surface for what the state decides."
                 )
         when = lift(event.when, **_INSTANT)
-        specs.append(
-            EventSpec(
-                name,
-                surface,
-                event.every,
-                event.at,
-                event.direction,
-                when,
-                update,
-                event.terminal,
-                together=event.together,
-            )  # fmt: skip
-        )
+        own = event.every, event.at, event.direction, when, update, event.terminal
+        specs.append(EventSpec(name, surface, *own, together=event.together))
     names = [s.name for s in specs]
     if len(set(names)) < len(names):
         raise ValueError(f"two events have the same name; they are {checks.listing(names)}. Give each its own.")
