@@ -53,7 +53,7 @@ def fire(E, loop, n, ne, t, x, side, direction, look, act, record, note):
 
     Called with E.level as at (t, x). `look(loop, t, x)` overwrites it and E.rounding; `act(loop, j, t)` lets event j
     act from E.before on E.after and returns whether its `when` holds; `record(loop, j, t)` returns whether it ends the
-    run; `note(loop, together)` is told how many acted together, before x changes.
+    run; `note(loop, together)` is told how many acted together, before x changes: E.after may be mended by it.
     """
     code, count, E.jumped = GO_ON, 0, 0
     while count < ne + MOST_AT_ONCE:

@@ -7,7 +7,7 @@ S is singular where friction stands in a loop: two brakes on one shaft, bodies t
 ground as well. Together they hold more than there is to move, and lambda is not unique, though the motion is: that
 whose largest is least says how much is left. What is redundant is HELD with its lambda, the rest is solved for. Where
 the least load reaches 1, those begin to move whose lambda is the largest in every such load.
-Chain: together.py -> **this file** -> settling.py, instants.py.
+Chain: holding.py -> **this file** -> settling.py, instants.py.
 """
 
 import math
@@ -21,10 +21,9 @@ from ..surface.dependent import independent, slopes_of_group
 from ..surface.sharing import FULL, least_load, slip_or_stick
 from ..surface.sliding import mask_solved
 from ..surface.sparse import find_strengths, link, solve_dense, solve_masked
-from .surface_rates import evaluate_surfaces, residual
+from .holding import is_supported
 
 _SYMMETRIC = 1e-7  # of slopes, which differences tell
-_NO_SLOPE = 1e-12  # of the diagonal
 _ALIKE = 1e-9  # of a slope: what is left of it where the others that stick determine the surface
 _SPARE = 0.9  # of the room to its bound: how far a lambda that is solved for may be led towards it
 
@@ -52,14 +51,6 @@ def is_held(P, S, W, j):
 
 
 @kernel
-def _is_held_alone(P, S, W, k):
-    """Whether switch k is HELD by a closed contact or the like, whatever the lambda of other switches are."""
-    most = max(abs(residual(P, S, W, k, 1.0)), abs(residual(P, S, W, k, -1.0)))
-    evaluate_surfaces(P, S, W)
-    return most <= _NO_SLOPE * abs(W.G[P.g_diagonal[k]])
-
-
-@kernel
 def _gather(P, S, W, size):
     """Overwrites W.together.comp by the switches W.instant.group[:size] and those that stick and act on them, also
     through ones that are HELD; how many, 0 if there is no dry friction between them."""
@@ -81,7 +72,7 @@ def _gather(P, S, W, size):
                 if W.linear.linked[k] == 0 or P.kind[k] != SLIDING or not sticks or known[k] != 0:
                     continue
                 known[k] = 1
-                if S.status[k] == SOLVED or not _is_held_alone(P, S, W, k):
+                if S.status[k] == SOLVED or not is_supported(P, S, W, k):
                     if q < len(group.comp):
                         group.comp[q] = k
                     q += 1

@@ -14,7 +14,16 @@ from ..surface.sliding import follow, mask_instant, mask_solved, surface_roundin
 from ..surface.sparse import entry
 from .surface_rates import approach_speed, evaluate_surfaces, residual
 
+_NO_SLOPE = 1e-12  # of the diagonal
 AT_BOUND = 1e-9  # a multiplier no farther beyond its bound has come to it smoothly
+
+
+@kernel
+def is_supported(P, S, W, j):
+    """Whether contacts and the like keep switch j on its surface, whatever its lambda is and those of others are."""
+    most = max(abs(residual(P, S, W, j, 1.0)), abs(residual(P, S, W, j, -1.0)))
+    evaluate_surfaces(P, S, W)
+    return most <= _NO_SLOPE * abs(W.G[P.g_diagonal[j]])
 
 
 @kernel
@@ -27,9 +36,7 @@ def hold_supported(P, S, W, size):
     rest = 0
     for a in range(size):
         j = W.instant.active[a]
-        most = max(abs(residual(P, S, W, j, 1.0)), abs(residual(P, S, W, j, -1.0)))
-        evaluate_surfaces(P, S, W)
-        if most <= 1e-12 * abs(W.G[P.g_diagonal[j]]):
+        if is_supported(P, S, W, j):
             S.status[j] = HELD
             S.mult[j] = 0.0
         else:

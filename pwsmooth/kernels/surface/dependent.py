@@ -11,7 +11,7 @@ from ..machine.pointers import call_fields, call_linear, call_newton
 from ..state import DISC, SOLVED
 from .sharing import least_load, square_of_ball
 from .sliding import mask_solved, put_in_slip
-from .sparse import entry, link, solve_dense
+from .sparse import link, solve_dense
 from .vector import begins
 
 _DELTA = 1e-4  # of lambda
@@ -82,9 +82,17 @@ def slopes_of_group(P, S, W, q):
     group = W.together
     if not _mask_others(P, S, W, q):
         call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+        place = W.linear.place
+        for k in range(P.m):
+            place[k] = -1
+        for c in range(q):
+            place[group.comp[c]] = c
         for r in range(q):
             for c in range(q):
-                group.J[r, c] = entry(P.g_row, P.g_col, W.G, group.comp[r], group.comp[c])
+                group.J[r, c] = 0.0
+            for e in range(P.g_row[group.comp[r]], P.g_row[group.comp[r] + 1]):
+                if place[P.g_col[e]] >= 0:
+                    group.J[r, place[P.g_col[e]]] += W.G[e]
     else:
         for c in range(q):
             k = group.comp[c]
