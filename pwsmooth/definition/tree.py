@@ -112,7 +112,7 @@ _RECORDS: dict[str, tuple[type, Callable, Callable, tuple]] = {
             Event,
             lambda e: tuple(getattr(e, name) for name in Event.__dataclass_fields__),
             _event,
-            (_maybe, _maybe, _several, (int,), _several, _expression, (bool,), (str, NoneType)),
+            (_maybe, _maybe, _several, (int,), _several, _expression, (bool,), (str, NoneType), (str, NoneType)),
         ),
     )
 }  # fmt: skip
