@@ -163,3 +163,39 @@ def test_a_ring_looped_and_by_elements_is_the_ring_written_out():
     assert looped.x[:, -1] == pytest.approx(written.x[:, -1], abs=1e-11)
     assert len(written.events) == len(looped.events) == len(local.events) > 50
     assert local.x[:, -1] == pytest.approx(looped.x[:, -1], abs=1e-11)
+
+
+# What two brakes on one shaft rub, which of them is the stronger, and where the shaft is at t = 1/2: with the stronger
+# one, or, where that is too weak for it, as far as both push it.
+TURNING = [
+    (sp.sin(t), 2 * sp.sin(t), 2, 1, sp.sin(0.5)),
+    (sp.sin(t), 2 * sp.sin(t), 1, 2, 0.5),
+    (t**2 / 2, 2 * t**2, 2, 1, 0.125),
+    (t**2 / 2, 2 * t**2, 1, 2, 0.125 + 0.25),
+    (t**3 / 6, -(t**4), 2, 1, 0.5**3 / 6),
+    (t**3 / 6, -(t**4), 1, 2, -(0.5**4)),
+    (t + t**2 / 2, t - t**2, 2, 1, 0.5),
+    (t + t**2 / 2, t - t**2, 1, 2, 0.25),
+]
+
+
+@pytest.mark.parametrize("method", ["taylor", "rk"])
+@pytest.mark.parametrize(("one", "other", "strength", "rest", "end"), TURNING)
+def test_brakes_on_discs_that_turn_apart_do_not_both_hold(one, other, strength, rest, end, method):
+    """They rest on one shaft at t = 0, and agree there in some derivatives."""
+    system = System({v: -strength * Switch("a", v - one) - rest * Switch("b", v - other)}, time=t)
+    run = solve(system, (0, 0.5), [0.0], method=method, **TIGHT)
+    assert run.success and run.x[0, -1] == pytest.approx(float(end), abs=1e-11)
+    ends = [float(e.subs(t, 0.5)) for e in (one, other)]
+    for lam, to in zip((run["a"][-1], run["b"][-1]), ends, strict=True):
+        side = np.sign(np.round(run.x[0, -1] - to, 9))
+        assert lam == side if side else abs(lam) < 1
+
+
+def test_a_surface_that_moves_across_what_is_at_rest_is_crossed():
+    """A brake keeps the shaft at rest; another one's disc turns to and fro."""
+    system = System({v: sp.Rational(1, 5) - Switch("a", v) - Switch("b", v - sp.cos(t)) / 4}, time=t)
+    run = solve(system, (0, 10), [0.0], **TIGHT)
+    assert [(e.switch, e.kind) for e in run.events] == [("b", "crossing")] * 3
+    assert run.event_times() == pytest.approx(np.pi * np.array([0.5, 1.5, 2.5]), abs=1e-12)
+    assert not run.ambiguities and np.abs(run.x).max() < 1e-14

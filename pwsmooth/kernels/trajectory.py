@@ -12,6 +12,7 @@ from numba import types
 from .fresh import restart_flags
 from .instant.contacts import jams, stop_closed
 from .instant.discs import release_discs
+from .instant.dry_friction import begins_to_part
 from .instant.folds import (
     HOP,
     HOPPED,
@@ -139,7 +140,8 @@ def _settle_again(P, C, S, R, W):
 def find_multipliers(P, C, S, R, W):
     """Solves for the multipliers at the present state; AGAIN where a root is lost and an instant has settled that."""
     W.step.sliding = int(any_is(P, S, SOLVED))
-    if any_is(P, S, HELD):
+    W.step.held = int(any_is(P, S, HELD))
+    if W.step.held:
         code = release_held(P, C, S, R, W)
         if code == GO_ON:
             code = _settle_again(P, C, S, R, W)
@@ -279,6 +281,8 @@ def propose(P, C, S, R, W):
             _remember_multipliers(P, S, W)
             code = _leave_by_a_fold(P, C, S, R, W, by_pair)
             return AGAIN if code == GO_ON else Outcome.STEP_UNDERFLOW if code == Outcome.SINGULAR else code
+    if step.held and step.time_row < 0 and begins_to_part(P, C, S, W, h):
+        return AGAIN
     step.length = h
     return GO_ON
 

@@ -30,6 +30,7 @@ class Step(Bundle):
     length: "float"
     stop: "float"  # time beyond which no step goes: the end of the span, or the next instant of a time event
     sliding: "int"  # whether some multiplier is solved for
+    held: "int"  # whether some is HELD
     mult_row: "int"  # rows of the first multiplier and, on an arc, of time; -1 for none
     time_row: "int"
     fold: "int"  # switch by whose fold an arc goes, or -1
@@ -272,6 +273,10 @@ class Instant(Bundle):
     look_again: "int"  # whether a contact may be moved by what happens after it
     rests: "int"  # switch on whose surface the motion may come to rest now, or -1
     rest_speed: "float"  # size at which an approach speed is rounding
+    parting: (
+        "int"  # how many derivatives of surfaces vanish from which switches part that are HELD; 0 if none does
+    )
+    drift: "f8[m]"  # the next ones, to a common factor
     hit: "b1[m + ne]"  # met
     came: "i8[m]"  # status before the instant
     active: "i8[m]"  # switches that are settled

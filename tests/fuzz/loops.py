@@ -1,7 +1,9 @@
 """Dry friction in loops: bodies on a line that rub the ground and each other, several joints on one motion among them.
 
-    m_i dv_i/dt = b_i(t) - sum_k J_ki F_k lambda_k,      b linear in time but for two instants at which it jumps
+    m_i dv_i/dt = b_i(t) - sum_k J_ki F_k lambda_k,      h_k = sum_i J_ki v_i - u_k(t)
 
+b is linear in time but for two instants at which it jumps, u a parabola: how what a joint rubs is driven. Not all u
+agree with one motion, at once or later, so that joints of a loop may not stay together.
 The oracle knows no lambda: accelerations are those of a box-constrained least-squares problem, speeds are parabolas,
 and what sticks does so until a linear program finds no forces that hold it any more. In the system some surfaces have
 factors that depend on places, so that their switches are not one.
@@ -25,6 +27,7 @@ TITLE = "friction in loops"
 BREAKS, END = (0.0, 2.0, 4.0), 6.0
 _AT_REST, _STILL, _SOON = 1e-9, 1e-9, 1e-6  # of speeds, accelerations, times
 _EVENTS = 400
+_LINEAR = 1e-4
 _EXACT = dict(primal_feasibility_tolerance=1e-10, dual_feasibility_tolerance=1e-10)
 
 
@@ -41,10 +44,12 @@ class Model:
         x, v, b, s = (sp.symbols(f"{name}0:{bodies}", real=True) for name in "xvbs")
         m, F = sp.symbols(f"m0:{bodies}", positive=True), sp.symbols(f"F0:{count}", positive=True)
         J = self.J.astype(int).tolist()
+        d, e = sp.symbols(f"d0:{count}", real=True), sp.symbols(f"e0:{count}", real=True)
         grip = [0] * bodies
         for k, row in enumerate(J):
             factor = 2 + sp.cos(x[k % bodies]) if k % 3 == 1 else 1
-            lam = Switch(f"lam{k}", factor * sum(c * u for c, u in zip(row, v, strict=True)))
+            speed = sum(c * u for c, u in zip(row, v, strict=True)) - d[k] * t - e[k] * t**2 / 2
+            lam = Switch(f"lam{k}", factor * speed)
             grip = [g + F[k] * c * lam for g, c in zip(grip, row, strict=True)]
         rates = dict(zip(x, v, strict=True))
         rates |= {v[i]: (b[i] - grip[i]) / m[i] for i in range(bodies)}
@@ -54,19 +59,21 @@ class Model:
             Event(at=[at], update=dict(zip((*b, *s), loads[2 * bodies * k :], strict=False)))
             for k, at in enumerate(BREAKS[1:])
         ]
-        parameters = dict.fromkeys((*m, *F, *loads), 1)
+        parameters = dict.fromkeys((*m, *F, *d, *e, *loads), 1)
         return System(rates, time=t, events=events, parameters=parameters), {p.name for p in parameters}
 
 
 @dataclass
 class Case:
-    """Masses, strengths, loads (3, bodies) and their rates, speeds at the start."""
+    """Masses, strengths, loads (3, bodies) and their rates, speeds at the start, u' and u'' at the start."""
 
     mass: np.ndarray
     F: np.ndarray
     load: np.ndarray
     rate: np.ndarray
     speed: np.ndarray
+    d: np.ndarray
+    e: np.ndarray
     options: dict
 
     @property
@@ -75,7 +82,7 @@ class Case:
         later = np.concatenate(
             [np.concatenate([b, c]) for b, c in zip(self.load[1:], self.rate[1:], strict=True)]
         )
-        named = {"m": self.mass, "F": self.F, "c": later}
+        named = {"m": self.mass, "F": self.F, "d": self.d, "e": self.e, "c": later}
         return {f"{name}{i}": float(u) for name, values in named.items() for i, u in enumerate(values)}
 
     @property
@@ -113,24 +120,41 @@ def case(M, seed):
     r = np.random.default_rng([62, seed])
     count, bodies = M.J.shape
     speed = r.normal(0, 1, bodies) * (r.random() < 0.7)
-    return Case(
+    one = Case(
         r.uniform(0.5, 2, bodies), r.uniform(0.2, 1.5, count), r.normal(0, 1.5, (3, bodies)),
-        r.normal(0, 1.5, (3, bodies)), speed, {"rtol": 10 ** -r.uniform(8, 12), "atol": 1e-12},
+        r.normal(0, 1.5, (3, bodies)), speed, *np.zeros((2, count)), {"rtol": 10 ** -r.uniform(8, 12), "atol": 1e-12},
     )  # fmt: skip
+    if r.random() < 0.6:
+        # The frame of all is driven, or some joints on their own, from the first or the second derivative on.
+        one.d, one.e = M.J @ r.normal(0, 0.3, bodies), M.J @ r.normal(0, 0.3, bodies)
+        alone = r.normal(0, 0.3, count) * (r.random(count) < 0.3)
+        one.d += alone * (r.random() < 0.5)
+        one.e += alone
+    return one
 
 
-def _accelerations(M, one, b, side, still):
-    """(joints of `still` that stick, the sides to which the others slip) under the load b."""
+def _accelerations(M, one, b, d, side, still):
+    """(joints of `still` that stick, the sides to which the others slip) under the load b, with u' = d."""
     J, F, mass = M.J, one.F, one.mass
     rest = b - J.T @ (F * side * ~still)
     at = np.flatnonzero(still)
     root = 1 / np.sqrt(mass)
-    found = lsq_linear(
-        (J[at].T * F[at]) * root[:, None], rest * root, (-1, 1), "bvls", tol=1e-14, max_iter=1000
-    )
-    rates = J[at] @ ((rest - J[at].T @ (F[at] * found.x)) / mass)
+    # The last row adds sum F d lambda to what is minimised, and a curvature that vanishes as lambda settles.
+    A, lam = np.vstack([(J[at].T * F[at]) * root[:, None], -_LINEAR * F[at] * d[at]]), np.zeros(len(at))
+    for _ in range(4 if d[at].any() else 1):
+        y = np.append(rest * root, A[-1] @ lam + 1 / _LINEAR)
+        lam = lsq_linear(A, y, (-1, 1), "bvls", tol=1e-25, max_iter=300).x
+    rates = J[at] @ ((rest - J[at].T @ (F[at] * lam)) / mass) - d[at]
     sides = np.where(np.abs(rates) < _STILL, 0.0, np.sign(rates))
     return at[sides == 0], dict(zip(at, sides, strict=True))
+
+
+def _moving(J, mass, load, d):
+    """Accelerations of all under a load, where J a = d; None where there is none."""
+    size = len(mass)
+    A = np.block([[np.diag(mass), J.T], [J, np.zeros((len(J),) * 2)]])
+    found = np.linalg.lstsq(A, np.concatenate([load, d]), rcond=1e-10)[0]
+    return found[:size] if np.abs(J @ found[:size] - d).max(initial=0.0) < _STILL else None
 
 
 def reference(M, one):
@@ -140,25 +164,19 @@ def reference(M, one):
     side, stuck = np.sign(J @ v), np.zeros(len(J), bool)
     for k, end in enumerate((*BREAKS[1:], END)):
         for _ in range(_EVENTS):
-            still = stuck | (np.abs(J @ v) < _AT_REST)
+            speed, d = J @ v - one.d * t - one.e * t**2 / 2, one.d + one.e * t
+            still = stuck | (np.abs(speed) < _AT_REST)
             if still.any():
-                sticks, sides = _accelerations(
-                    M, one, one.load[k] + one.rate[k] * (t + _SOON - BREAKS[k]), side, still
-                )
+                soon = one.load[k] + one.rate[k] * (t + _SOON - BREAKS[k])
+                sticks, sides = _accelerations(M, one, soon, d + one.e * _SOON, side, still)
                 stuck[:] = False
                 stuck[sticks] = True
                 for joint, way in sides.items():
                     side[joint] = way
             b = one.load[k] + one.rate[k] * (t - BREAKS[k]) - J.T @ (F * side * ~stuck)
-            # All that moves without the joints that stick.
-            _, sizes, ways = np.linalg.svd(J[stuck]) if stuck.any() else (None, np.zeros(0), np.eye(bodies))
-            free = ways[(sizes > 1e-10).sum() :].T
-            share = (
-                free @ np.linalg.solve(free.T @ (mass[:, None] * free), free.T)
-                if free.size
-                else np.zeros((bodies,) * 2)
-            )
-            a, jerk = share @ b, share @ one.rate[k]
+            a, jerk = (_moving(J[stuck], mass, load, of[stuck]) for load, of in ((b, d), (one.rate[k], one.e)))
+            if a is None or jerk is None:
+                return None
             left, ends = end - t, True
             if stuck.any():
                 # The longest time until which forces in the bounds hold what sticks.
@@ -173,7 +191,7 @@ def reference(M, one):
                 if found.x[0] < left - 1e-9:
                     left, ends = found.x[0], False
             for joint in np.flatnonzero(~stuck):
-                rows = [0.5 * J[joint] @ jerk, J[joint] @ a, J[joint] @ v]
+                rows = [0.5 * (J[joint] @ jerk - one.e[joint]), J[joint] @ a - d[joint], speed[joint]]
                 if abs(rows[2]) < _AT_REST:
                     rows = rows[:2]  # it has just left
                 for root in np.roots(rows):

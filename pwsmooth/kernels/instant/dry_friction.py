@@ -6,17 +6,20 @@ lambda in the box has g = 0, else some slip (the variational inequality of maxim
 S is singular where friction stands in a loop: two brakes on one shaft, bodies that rub each other in a ring or on the
 ground as well. Together they hold more than there is to move, and lambda is not unique, though the motion is: that
 whose largest is least says how much is left. What is redundant is HELD with its lambda, the rest is solved for. Where
-the least load reaches 1, those begin to move whose lambda is the largest in every such load.
+the least load reaches 1, those begin to move whose lambda is the largest in every such load. Where what is redundant
+would not stay on its surface, as two brakes on one shaft whose discs turn differently, some let go as well: the drift
+adds to what is minimised a term that no lambda balances.
 Chain: holding.py -> **this file** -> settling.py, instants.py.
 """
 
 import math
 
 from ..machine.compiling import kernel
-from ..machine.pointers import call_newton
+from ..machine.pointers import call_linear, call_newton
 from ..outcome import Outcome
 from ..state import AMB_FORCES, EV_RESET, EV_TANGENCY, GO_ON, HELD, NOTHING, SLIDING, SOLVED
 from ..step.recording import record_ambiguity, record_event
+from ..step.steps import surface_rows
 from ..surface.dependent import independent, slopes_of_group
 from ..surface.sharing import FULL, least_load, slip_or_stick
 from ..surface.sliding import mask_solved
@@ -25,6 +28,8 @@ from .holding import is_supported
 
 _SYMMETRIC = 1e-7  # of slopes, which differences tell
 _ALIKE = 1e-9  # of a slope: what is left of it where the others that stick determine the surface
+_PARTS = 1e-9  # of what friction does: less of a drift is rounding
+_PUSH = 1e-4  # of a friction: enough of a drift that is of higher order to tell which let go
 _SPARE = 0.9  # of the room to its bound: how far a lambda that is solved for may be led towards it
 
 
@@ -117,13 +122,41 @@ def _row_of_slopes(W, r, q):
 
 
 @kernel
+def _push_by_drift(W):
+    """Adds to together.g, all of which can be balanced, a little of the drift, which cannot."""
+    group, most, size = W.together, 0.0, 0.0
+    for r in range(group.size):
+        most = max(most, abs(W.instant.drift[group.comp[r]]))
+        size = max(size, abs(group.J[r, r]))
+    for r in range(group.size if most > 0.0 else 0):
+        group.g[r] += _PUSH * size * W.instant.drift[group.comp[r]] / most
+
+
+@kernel
+def _holds(P, S, W):
+    """Whether together.lam holds all of the group, also those that the others determine."""
+    group, holds = W.together, True
+    for r in range(group.size):
+        rest = group.g[r]
+        for c in range(group.size):
+            rest += group.J[r, c] * (group.lam[c] - S.mult[group.comp[c]])
+        holds = holds and abs(rest) <= _PARTS * abs(group.J[r, r])
+    return holds
+
+
+@kernel
 def _find_lambda(P, S, W, rank, leaves):
     """Overwrites together.lam by what holds the group, or by that with which it moves on; the largest |lambda| that
     holds it, inf if none does, and whether it moves."""
     group, q = W.together, W.together.size
-    A, load = group.matrix, 0.0
+    A, load, parts = group.matrix, 0.0, False
     if rank < q:
+        if W.instant.parting > 0:
+            _push_by_drift(W)
         load = least_load(P, S, W, rank)
+        parts = not _holds(P, S, W)
+        if parts and leaves:
+            return math.inf, False
     else:
         for r in range(q):
             A[r, q] = -group.g[r]
@@ -134,7 +167,7 @@ def _find_lambda(P, S, W, rank, leaves):
         for r in range(q):
             group.lam[r] = S.mult[group.comp[r]] + A[r, q]
             load = max(load, abs(group.lam[r]))
-    moves = load > (1.0 - FULL if leaves else 1.0)
+    moves = parts or load > (1.0 - FULL if leaves else 1.0)
     if moves and not leaves and load < math.inf:
         for r in range(q):
             group.lam[r] = S.mult[group.comp[r]]
@@ -230,7 +263,7 @@ def settle_friction(P, S, R, W, size, leaves):
     load, moves = _find_lambda(P, S, W, rank, leaves)
     if not load < math.inf or not _is_affine(P, S, W, q):
         return NOTHING
-    sticking = 0
+    sticking, smooth = 0, leaves or W.instant.parting > 0
     for r in range(q):
         j = group.comp[r]
         S.mult[j], S.deflate[j] = group.lam[r], 0
@@ -238,8 +271,8 @@ def settle_friction(P, S, R, W, size, leaves):
         if moves and group.free[r]:
             S.status[j] = 1 if group.lam[r] > 0.0 else -1
             S.mult[j] = float(S.status[j])
-            S.deflate[j] = 2 if leaves else 1
-            if leaves:
+            S.deflate[j] = 2 if leaves else max(W.instant.parting, 1)
+            if smooth:
                 record_event(S, R, j, EV_TANGENCY, 0, S.status[j])
             elif r >= size:  # the caller does not know of it
                 record_event(S, R, j, EV_RESET, 0, S.status[j])
@@ -279,3 +312,48 @@ def leave_loop(P, S, R, W, j):
         if S.status[k] == HELD and P.kind[k] == SLIDING:
             return settle_friction(P, S, R, W, sliding_with(P, S, W, j), True)
     return NOTHING
+
+
+@kernel
+def begins_to_part(P, C, S, W, h):
+    """Whether switches that are HELD leave their surfaces on the polynomials of a step of length h, which are found
+    without them; W.instant.parting and W.instant.drift say how."""
+    instant, rows, all_rows = W.instant, W.step.rows, surface_rows(P, W.step.kind)
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    parting = C.order + 1
+    instant.drift[:] = 0.0
+    for j in range(P.m):
+        if S.status[j] != HELD or P.kind[j] != SLIDING or all_rows[j] < 0:
+            continue
+        size = h * abs(W.G[P.g_diagonal[j]])
+        for e in range(P.dh_row[j], P.dh_row[j + 1]):
+            for k in range(C.order + 1):
+                size += abs(W.dh[e] * rows[P.dh_col[e], k]) * h**k
+        for k in range(1, parting + 1 if parting <= C.order else parting):
+            drift = rows[all_rows[j], k]
+            if abs(drift) * h**k > max(_PARTS, 10.0 * C.rtol) * size:
+                if k < parting:
+                    instant.drift[:] = 0.0
+                    parting = k
+                instant.drift[j] = drift
+                break
+    instant.parting = parting if parting <= C.order else 0
+    return instant.parting > 0
+
+
+@kernel
+def let_part(P, S, R, W):
+    """What switches do that `begins_to_part` has found; a code."""
+    instant, size, code = W.instant, 0, GO_ON
+    for j in range(P.m):
+        if instant.drift[j] != 0.0 and is_supported(P, S, W, j):
+            S.status[j] = 1 if instant.drift[j] > 0.0 else -1
+            S.mult[j], S.deflate[j] = float(S.status[j]), instant.parting
+            record_event(S, R, j, EV_TANGENCY, 0, S.status[j])
+        elif instant.drift[j] != 0.0:
+            instant.group[size] = j
+            size += 1
+    if size > 0:
+        code = settle_friction(P, S, R, W, size, False)
+    instant.parting = 0
+    return Outcome.SINGULAR if code == NOTHING else code

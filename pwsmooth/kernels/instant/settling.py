@@ -25,7 +25,7 @@ from ..surface.layer import ARRIVE, FIRST_ZERO
 from ..surface.sliding import follow, mask_instant, mask_solved
 from ..surface.sparse import link
 from ..surface.unknowns import solve_unknowns
-from .dry_friction import is_held, settle_friction, sliding_with
+from .dry_friction import is_held, let_part, settle_friction, sliding_with
 from .holding import (
     held_by,
     hold_beside,
@@ -135,9 +135,11 @@ def release_held(P, C, S, R, W):
     After an accumulation another switch does, which sticks; on a piston at its stop, the closed contact.
     """
     solved, some, size = any_is(P, S, SOLVED), False, 0
-    evaluate_surfaces(P, S, W)
     for i in range(P.m + P.ne):
         W.meeting.tau[i] = 2.0
+    if W.instant.parting > 0:
+        return let_part(P, S, R, W)
+    evaluate_surfaces(P, S, W)
     for j in range(P.m):
         if S.status[j] != HELD or P.kind[j] == DISC or P.kind[j] == COMPONENT:
             continue
