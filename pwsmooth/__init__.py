@@ -24,6 +24,7 @@ _HOME = {
     "Recorder": "definition.recording",
     "Histogram": "definition.event_statistics",
     "Activity": "definition.event_statistics",
+    "SlipHistogram": "definition.event_statistics",
     "Drive": "definition.drives",
     "Control": "definition.controls",
     "Kicks": "noise.kicks",

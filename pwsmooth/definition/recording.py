@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from . import checks
-from .event_statistics import Activity, Histogram
+from .event_statistics import Activity, Histogram, SlipHistogram
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ class Recorder:
         What stands there is overwritten.
     checkpoint : path, optional
         A file from which the same call goes on after it was killed or has spent its time, with the same bits; it is
-        removed at the end. It wants `events`.
+        removed at the end. It wants `events`, or `keep_events` False; `statistics` go on with it.
     checkpoint_every : int
         Events between two checkpoints.
-    statistics : mapping of str to (Histogram or Activity), optional
+    statistics : mapping of str to (Histogram, SlipHistogram or Activity), optional
         What of the events is added up while the run goes on: `solution.statistics`, by these names.
     keep_events : bool
         Without them the memory of a run does not grow with its length; `solution.events` is empty then.
@@ -39,8 +39,8 @@ class Recorder:
     Raises
     ------
     ValueError, TypeError
-        Another type; a file name that is no folder of Zarr's; a checkpoint without a folder of events, or with
-        statistics; a folder of events that are not kept.
+        Another type; a file name that is no folder of Zarr's; a checkpoint without a folder of the
+        events that are kept; a folder of events that are not.
 
     Examples
     --------
@@ -54,7 +54,7 @@ class Recorder:
     checkpoint: Path | str | None = None
     checkpoint_every: int = 1_000_000
     progress: bool = False
-    statistics: Mapping[str, Histogram | Activity] | None = None
+    statistics: Mapping[str, Histogram | SlipHistogram | Activity] | None = None
     keep_events: bool = True
 
     def __post_init__(self) -> None:
@@ -63,9 +63,9 @@ class Recorder:
             statistics=checks.optional(checks.mapping),
         )  # fmt: skip
         for name, what in (self.statistics or {}).items():
-            checks.instance((Histogram, Activity), "Histogram(...) or Activity(...)")(
-                what, f"`statistics` of {name!r}"
-            )
+            checks.instance(
+                (Histogram, SlipHistogram, Activity), "Histogram(...), SlipHistogram(...) or Activity(...)"
+            )(what, f"`statistics` of {name!r}")
         if self.elements is not None:
             checked = tuple(checks.whole(i, "`elements`", -(10**7), 10**7) for i in self.elements)
             if 0 in checked or len(set(checked)) < len(checked):
@@ -80,12 +80,8 @@ class Recorder:
             raise ValueError(f"`events` is {str(self.events)!r}; give a name that ends in .zarr.")
         if self.events is not None and not self.keep_events:
             raise ValueError("`events` is given with `keep_events` False; leave one of them out.")
-        if self.checkpoint is not None and self.statistics:
+        if self.checkpoint is not None and self.events is None and self.keep_events:
             raise ValueError(
-                "`checkpoint` and `statistics` are given: what was added up does not go on; leave one of them out, and "
-                "make the statistics from the folder of `events`."
-            )
-        if self.checkpoint is not None and self.events is None:
-            raise ValueError(
-                "`checkpoint` is given without `events`; give a folder for the events too, so that none is lost."
+                "`checkpoint` is given without `events`; give a folder for the events too, so that none is lost, or "
+                "keep_events=False."
             )

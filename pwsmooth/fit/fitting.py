@@ -7,6 +7,7 @@ Chain: records.py, shooting.py, gauss_newton.py -> **fitting** -> laws.py.
 
 from __future__ import annotations
 
+import contextlib
 import time as clock
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
@@ -17,7 +18,7 @@ from ..costs.telling import telling
 from ..definition import checks
 from ..scenes import Scene
 from .coordinates import Coordinates, coordinate
-from .gauss_newton import Iteration, Minimum, minimise
+from .gauss_newton import ALL, STUCK, Iteration, Minimum, minimise
 from .records import Record
 from .result import Fit
 from .shooting import Experiment, RunFailed, Shooting
@@ -145,8 +146,15 @@ def fit(
 
     with telling(progress, callback, words) as told:
         try:
-            found = minimise(problem, first, [e.nodes for e in experiments], fixed, max_runs, told)
+            nodes = [e.nodes for e in experiments]
+            found = minimise(problem, first, nodes, fixed, max_runs, told)
             runs, failures = found.runs, found.failures
+            if found.message == STUCK and runs < max_runs and any(map(len, nodes)):
+                # Nodes lead past many a minimum, but not all: from the first guess again, without them.
+                with contextlib.suppress(RunFailed):
+                    alone = minimise(problem, first, nodes, fixed, max_runs - runs, told, ALL)
+                    found = min(found, alone, key=lambda each: each.at.misfit)
+                    runs, failures = runs + alone.runs, failures + alone.failures
             for i in range(_ROUNDS if sizes else 0):
                 before, levels = problem.levels, _levels(problem, found, sizes, rtol, 1 - unknowns / samples)
                 problem.weigh(levels)

@@ -20,12 +20,13 @@ import numpy as np
 
 from .shooting import Evaluation, Linearised, RunFailed, Shooting
 
-_NEAR, _ALL = 1e-2, 2**60  # sum of gaps from which on one run without nodes is tried
+_NEAR, ALL = 1e-2, 2**60  # sum of gaps from which on one run without nodes is tried
 _CLOSED = 1e-7  # sum of gaps, in units of the states, that counts as closed
 _FLAT = 1e-8  # of the misfit: a change that tells nothing
 _STILL = 1e-9  # a step, in coordinates of size 1
 _FIRST, _WIDEST, _NARROWEST = 0.5, 0.5, 1e-6  # half widths of the box; coordinates are logarithms or of size 1
 _LEAST = "The misfit does not become smaller any more."
+STUCK = "No step lessens the misfit, no smooth function here: try other guesses or `intervals`."
 
 
 class Iteration(NamedTuple):
@@ -77,16 +78,19 @@ class Minimum(NamedTuple):
 
 def minimise(
     problem: Shooting, z: np.ndarray, nodes: Sequence[np.ndarray], fixed: np.ndarray, most: int,
-    told: Callable[[Iteration], None],
+    told: Callable[[Iteration], None], every: int = 1,
 ) -> Minimum:  # fmt: skip
-    """The least misfit with closed gaps, from a first guess; coordinates in `fixed` stay."""
+    """The least misfit with closed gaps, from a first guess; coordinates in `fixed` stay.
+
+    `every` intervals are one to begin with.
+    """
     from scipy.optimize import lsq_linear
 
     free = np.flatnonzero(~fixed)
     low, high = problem.coordinates.low, problem.coordinates.high
-    at = problem.evaluate(z, nodes)
+    at = problem.evaluate(z, nodes, every)
     slopes = problem.linearise(z, at)
-    box, part, nu, every, stalled, runs, failures, accepted = _FIRST, 1.0, 0.0, 1, np.inf, 1, 0, 0
+    box, part, nu, stalled, runs, failures, accepted = _FIRST, 1.0, 0.0, np.inf, 1, 0, 0
     success, message = False, f"{most} runs were not enough: give a better first guess, or a larger `max_runs`."
     try:
         told(Iteration(0, at.misfit, at.gap, at.values))
@@ -110,9 +114,7 @@ def minimise(
                 break
             if box < _NARROWEST:
                 if closed and at.misfit > 0.999 * stalled:
-                    message = (
-                        "No step lessens the misfit, no smooth function here: try other guesses or `intervals`."
-                    )
+                    message = STUCK
                     break
                 # It is no smooth function of the nodes: go on with fewer of them.
                 stalled, every = at.misfit if closed else stalled, every if closed else 2 * every
@@ -149,9 +151,9 @@ def minimise(
                 # Near the solution one run from end to end is as good, and has no gaps that hold up its steps.
                 runs += 1
                 with contextlib.suppress(RunFailed):
-                    joined = problem.evaluate(z, at.nodes, _ALL)
+                    joined = problem.evaluate(z, at.nodes, ALL)
                     if joined.misfit <= 1.1 * at.misfit:
-                        at, every = joined, _ALL
+                        at, every = joined, ALL
             slopes = problem.linearise(z, at)
             told(Iteration(accepted, at.misfit, at.gap, at.values))
             if flat:

@@ -25,6 +25,7 @@ class Saved:
         self.run, self.path, self.every = run, run.record.checkpoint, run.record.checkpoint_every
         options = run.options._replace(max_steps=0)  # how far one call goes is no part of what it computes
         told = repr((ends.tolist(), options, run.order, run.n, run.A.asked.tolist(), run.A.keeps.max()))
+        told += repr({**(run.record.statistics or {})})
         content = (
             told.encode() + np.array(start, float).tobytes() + np.array(run.system.parameter_values).tobytes()
         )
@@ -45,6 +46,8 @@ class Saved:
         kept = {name: np.asarray(getattr(bundle, key)) for name, bundle, key, _ in self._parts()}
         for name, part in zip(("x", "mult", "status"), run.initial or (), strict=False):
             kept[f"initial.{name}"] = part
+        for i, statistic in enumerate(run.statistics.values()):
+            kept |= {f"statistic {i}.{name}": value for name, value in statistic.numbers().items()}
         beside = self.path.with_name(self.path.name + ".new")
         with open(beside, "wb") as stream:
             np.savez(stream, mark=np.array(self.mark), rows=np.array(run.log.rows), **kept)
@@ -78,6 +81,9 @@ class Saved:
                     type(bundle).members[key].give(bundle, kept[name])
             if "initial.x" in kept:
                 run.initial = tuple(kept[f"initial.{name}"] for name in ("x", "mult", "status"))
+            for i, statistic in enumerate(run.statistics.values()):
+                own = f"statistic {i}."
+                statistic.go_on({name.removeprefix(own): kept[name] for name in kept if name.startswith(own)})
             rows = int(kept["rows"])
         run.A.patch.shaped[:] = -1
         run.A.patch.most = run.most

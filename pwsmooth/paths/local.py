@@ -21,6 +21,7 @@ from ..definition.template import LINKED, Level, family_model
 from ..kernels import state as names
 from ..kernels.local import state as local
 from ..results.assembly import Catalogue, Recorded, StoredLog, Writer
+from ..results.counting import begin
 from ..results.records import AmbiguityLog, Outcome
 from ..results.solution import Solution
 from .budget import SLICE, Budget
@@ -28,7 +29,7 @@ from .checkpoint import Saved
 from .event_driven import order_for
 from .locality import MANY, few_elements, few_of, walls
 from .problem import FEW, MOST, longest_step, terms
-from .words import ambiguities_in_words, chosen_events, event_words
+from .words import KINDS, ambiguities_in_words, event_words
 
 _SHARE = 0.1  # of the tolerances, by which the rim of a patch may change
 _FIRST_ROOM = 256  # members and places of a patch
@@ -423,8 +424,7 @@ class _Run:
         wanted = (record.statistics if record else None) or {}
         self.statistics = {}
         for name, what in wanted.items():
-            looked_at = chosen_events(what, name, self._surfaces(), self.names)
-            self.statistics[name] = what._begin(self.n, t0, looked_at)
+            self.statistics[name] = begin(what, name, self._surfaces(), self.names, KINDS, t0, self.A.near)
         saved = Saved(self, ends, start) if record and record.checkpoint else None
         rows = saved.load() if saved else 0
         self.log = Writer(record and record.events, self.names, rows)
@@ -565,9 +565,9 @@ class _Run:
             tolerances, unsure, self.system.parameters, None,
         )  # fmt: skip
         catalogue = Catalogue(columns, self._surfaces(), self.log.states, A.near)
-        solution.recorded, solution.catalogue, solution.statistics = recorded, catalogue, self.statistics
         for statistic in self.statistics.values():
             statistic.end(A.t)
+        solution.recorded, solution.catalogue, solution.statistics = recorded, catalogue, self.statistics
         return solution
 
     def _surfaces(self) -> list[str]:

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..definition.event_statistics import WAITING
 from ..definition.model import EventSpec, Model
 from ..definition.singular import remedy
 from ..kernels import state as names
@@ -53,24 +52,6 @@ def event_words(model: Model) -> Any:
         return EventRecord(t, multipliers[index].symbol.name, kinds[kind], note)
 
     return words
-
-
-def chosen_events(what: Any, name: str, surfaces: list[str], states: list[str]) -> Any:
-    """Which events of a block a statistic looks at; a ValueError where it names what there is not."""
-    said = [("surface", what.surface, surfaces), ("kind", what.kind, [*KINDS.values()])]
-    for which, one, among in (*said, ("of", getattr(what, "of", WAITING), [WAITING, *states])):
-        if one is not None and one not in among:
-            raise ValueError(f"`{which}` of statistic {name!r} is {one!r}; give one of {', '.join(among)}.")
-    number = surfaces.index(what.surface) if what.surface is not None else -1
-    code = next((code for code, word in KINDS.items() if word == what.kind), -1)
-
-    def chosen(columns: dict[str, np.ndarray]) -> np.ndarray:
-        among = np.ones(len(columns["t"]), bool)
-        if number >= 0:
-            among &= columns["surface"] == number
-        return among & (columns["kind"] == code) if code >= 0 else among
-
-    return chosen
 
 
 def singular_record(

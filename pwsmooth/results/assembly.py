@@ -90,6 +90,64 @@ class Slips:
         return len(self.start)
 
 
+def slips_between(
+    element: np.ndarray, came: np.ndarray, went: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Places of events of one switch: slips begin, these end, by element and then by time; and those that go on."""
+    begins, ends = (came == 0) & (went != 0), (came != 0) & (went == 0)
+    which = np.flatnonzero(begins | ends)
+    which = which[np.lexsort((which, element[which]))]
+    # Of an element beginnings and ends take turns; what has no partner began before or goes on.
+    first, last = which[:-1], which[1:]
+    same = element[first] == element[last]
+    whole = begins[first] & ends[last] & same
+    going = which[begins[which] & np.append(~same, True)[: len(which)]]
+    return first[whole], last[whole], going
+
+
+def cluster(found: Slips, links: np.ndarray) -> tuple[Avalanches, np.ndarray]:
+    """The avalanches of slips, and of which one each slip is; row i of `links` has what element i is linked to."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    begun, ended, who, length = found.start, found.end, found.element - 1, found.length
+    count = len(found)
+    if not count:
+        empty, none = np.zeros(0), np.zeros(0, int)
+        return Avalanches(empty, empty, none, none, empty, none), none
+    # Rank of a beginning among all, so that one sorted key tells the last slip of an element before an instant.
+    order = np.lexsort((begun, who))
+    rank = np.argsort(np.argsort(begun, kind="stable"), kind="stable")
+    keys = (who * count + rank)[order]
+    edges = [np.zeros((2, 0), np.int64)]
+    for column in links.T:
+        beside = column[who]
+        at = np.searchsorted(keys, beside * count + rank, side="right") - 1
+        there = order[at]
+        joined = (at >= 0) & (who[there] == beside) & (beside != who)
+        joined &= ended[there] >= begun
+        edges.append(np.stack([np.flatnonzero(joined), there[joined]]))
+    a, b = np.concatenate(edges, axis=1)
+    clusters, label = connected_components(
+        coo_array((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False
+    )
+    start = np.full(clusters, np.inf)
+    np.minimum.at(start, label, begun)
+    end = np.full(clusters, -np.inf)
+    np.maximum.at(end, label, ended)
+    slips, moment = np.bincount(label), np.bincount(label, length)
+    area = np.bincount(np.unique(np.stack([label, who]), axis=1)[0], minlength=clusters)
+    earliest = np.lexsort((begun, label))
+    heads = earliest[np.concatenate([[True], label[earliest][1:] != label[earliest][:-1]])]
+    order = np.argsort(start, kind="stable")
+    place = np.empty(clusters, np.int64)
+    place[order] = np.arange(clusters)
+    found = Avalanches(
+        start[order], (end - start)[order], area[order], slips[order], moment[order], who[heads][order] + 1
+    )
+    return found, place[label]
+
+
 class Catalogue:
     """The events of a family, column by column, in memory or in a folder of Zarr's.
 
@@ -147,19 +205,11 @@ class Catalogue:
         surface = checks.whole(surface, "`surface`", 0, len(self.surfaces) - 1)
         t, element, came, went = (np.asarray(getattr(self, c)[:]) for c in ("t", "element", "came", "went"))
         own = np.asarray(self.surface[:]) == surface  # type: ignore[attr-defined]
-        begins, ends = own & (came == 0) & (went != 0), own & (came != 0) & (went == 0)
-        which = np.flatnonzero(begins | ends)
-        which = which[np.lexsort((which, element[which]))]
-        # Of an element beginnings and ends take turns; what has no partner began before or ends after the run.
-        first, last = which[:-1], which[1:]
-        whole = begins[first] & ends[last] & (element[first] == element[last])
-        first, last = first[whole], last[whole]
-        order = np.lexsort((t[first], element[first]))
-        first, last = first[order], last[order]
-        begun, ended, who = t[first], t[last], element[first].astype(np.int64) - 1
-        x = np.asarray(self.states[state][:])
-        length = np.abs(x[last] - x[first] - drift * (ended - begun))
-        return Slips(begun, ended, who + 1, length)
+        t, element, came, went = t[own], element[own], came[own], went[own]
+        x = np.asarray(self.states[state][:])[own]
+        first, last, _ = slips_between(element, came, went)
+        length = np.abs(x[last] - x[first] - drift * (t[last] - t[first]))
+        return Slips(t[first], t[last], element[first].astype(np.int64), length)
 
     def avalanches(self, state: str | None = None, drift: float = 0.0, surface: int = 0) -> Avalanches:
         """Clusters of slips of one switch.
@@ -187,42 +237,7 @@ class Catalogue:
         -----
         Two slips belong together if one begins while the other goes on and their elements are linked.
         """
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import connected_components
-
-        found = self.slips(state, drift, surface)
-        begun, ended, who, length = found.start, found.end, found.element - 1, found.length
-        count = len(found)
-        if not count:
-            empty = np.zeros(0)
-            none = np.zeros(0, int)
-            return Avalanches(empty, empty, none, none, empty, none)
-        # Rank of a beginning among all, so that one sorted key tells the last slip of an element before an instant.
-        rank = np.argsort(np.argsort(begun, kind="stable"), kind="stable")
-        keys = who * count + rank
-        edges = [np.zeros((2, 0), np.int64)]
-        for column in self._links.T:
-            beside = column[who]
-            at = np.searchsorted(keys, beside * count + rank, side="right") - 1
-            joined = (at >= 0) & (who[at] == beside) & (beside != who)
-            joined &= ended[at] >= begun
-            edges.append(np.stack([np.flatnonzero(joined), at[joined]]))
-        a, b = np.concatenate(edges, axis=1)
-        clusters, label = connected_components(
-            coo_array((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False
-        )
-        start = np.full(clusters, np.inf)
-        np.minimum.at(start, label, begun)
-        end = np.zeros(clusters)
-        np.maximum.at(end, label, ended)
-        slips, moment = np.bincount(label), np.bincount(label, length)
-        area = np.bincount(np.unique(np.stack([label, who]), axis=1)[0], minlength=clusters)
-        earliest = np.lexsort((begun, label))
-        heads = earliest[np.concatenate([[True], label[earliest][1:] != label[earliest][:-1]])]
-        order = np.argsort(start, kind="stable")
-        return Avalanches(
-            start[order], (end - start)[order], area[order], slips[order], moment[order], who[heads][order] + 1
-        )
+        return cluster(self.slips(state, drift, surface), self._links)[0]
 
 
 class StoredLog(EventLog):
@@ -259,7 +274,7 @@ class Writer:
         self._kept: list[dict[str, np.ndarray]] = []
         names = COLUMNS | {f"state {s}": "f8" for s in states}
         if path is None:
-            self._names = names
+            self._names, self.rows = names, rows  # those before are not kept
             return
         import zarr
 

@@ -228,7 +228,7 @@ def _lead_to_bounds(P, S, W, load):
     for r in range(q):
         step = S.mult[group.comp[r]] - group.lam[r]
         room = _SPARE * (1.0 - math.copysign(group.lam[r], step * group.lam[r]))
-        if group.late[r] == 0 and abs(step) > room:
+        if S.status[group.comp[r]] == SOLVED and abs(step) > room:
             share = min(share, room / abs(step))
     for r in range(q):
         k = group.comp[r]
