@@ -148,7 +148,7 @@ def ring(n, least, push=0.4, belts=(0,), power=1):
     joint, ground = Switch("j", family.neighbour(s, 1) - s), Switch("g", s - d * t**power)
     force = p * sp.sin(t) - u / 4 + (joint - family.neighbour(joint, -1)) / 2 - ground * 3 / 10
     values = {
-        p: [0.4 + 0.9 * ((3 * i) % 5) / 4 for i in range(n)],
+        p: [push + 0.9 * ((3 * i) % 5) / 4 for i in range(n)],
         d: [belts[i % len(belts)] for i in range(n)],
     }
     with template_from(least):
