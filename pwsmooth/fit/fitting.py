@@ -65,7 +65,7 @@ def fit(
         Mean and standard deviation of what is known of a parameter before.
     intervals : int, optional
         Into how many each record is cut where a state is measured (multiple shooting); by default one of 20 samples
-        each, 30 at most. 1 is single shooting.
+        each, 30 at most, and where these find no way on, from the first guess again as one. 1 is single shooting.
     rtol : float, dimensionless
         Of the runs.
     max_runs : int

@@ -213,6 +213,7 @@ def subjects():
         "Switch": dict(name="lam", surface=v),
         "Disc": dict(name="lam", surfaces=(v, x)),
         "Histogram": dict(of="waiting", edges=[0.0, 1.0, 2.0]),
+        "SlipHistogram": dict(of="area", edges=[1.0, 2.0, 3.0]),
         "Activity": dict(every=1.0),
         "Memory": dict(name="m", initial=1.0),
         "Unilateral": dict(gap=x, restitution=0.5, name="R"),
