@@ -175,14 +175,16 @@ class Clustering(Counting):
         new = [columns[name][among] for name in ("t", "element", "came", "went", self._state)]
         self._open = np.concatenate([self._open, np.array(new, float)], axis=1)
         if len(columns["t"]):
-            self._close(columns["t"].max(), True)
+            # Events at one instant may stand in two blocks, not in order of their last digits.
+            now = float(columns["t"].max())
+            self._close(now - _AT_ONCE * (1 + abs(now)), True)
 
     def end(self, t: float) -> None:
         """Avalanches in which all that slipped has come to rest are over, too."""
         self._close(math.inf, False)
 
     def _close(self, until: float, goes_on: bool) -> None:
-        """Counts the avalanches that are over at this time, and forgets their events."""
+        """Counts the avalanches that are over before this time, and forgets their events."""
         t, element, came, went, x = self._open
         first, last, going = slips_between(element, came, went)
         if not goes_on:
@@ -193,17 +195,16 @@ class Clustering(Counting):
         length = np.abs(x[last] - x[first] - self._drift * (t[last] - t[first]))
         slips = Slips(begun, ended, who, np.concatenate([length, np.zeros(len(going))]))
         found, label = cluster(slips, self._links)
-        # Events at one instant may stand in two blocks, not in order of their last digits.
-        over = found.start + found.duration < until - _AT_ONCE * (1 + abs(until) if until < math.inf else 0)
+        over = found.start + found.duration < until
         if self._of == "length":
             done = over[label]
             self._count(slips.length[done], begun[done], who[done])
         else:
             values = getattr(found, self._of)[over].astype(float)
             self._count(values, found.start[over], found.epicentre[over])
-        ends = np.concatenate([last, beginnings[len(last) :]])
         stay = ~over[label]
-        self._open = self._open[:, np.unique(np.concatenate([beginnings[stay], ends[stay]]))]
+        ends = np.concatenate([last, going])
+        self._open = self._open[:, np.unique([beginnings[stay], ends[stay]])]
 
 
 class Series(Statistic):
