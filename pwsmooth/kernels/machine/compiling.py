@@ -1,23 +1,30 @@
 """How kernels are compiled: small functions, and units that meet through addresses.
 
-numba links every callee into its caller and optimises the whole again, level by level: a deep call graph compiled
-for minutes. So the loop is cut into a few *units*, compiled and cached once each and called through their address;
-inside a unit, `kernel` functions are linked as usual. They are registered, not jitted: a jitted function would be
-compiled anew for every literal argument.
+numba links every callee into its caller and optimises the whole again, level by level, each to machine code of its
+own: most of what it did for a deep call graph. Here the parts of a unit wait, and are linked and optimised once. Units
+are compiled and cached once each and called through their address; inside a unit, `kernel` functions are linked as
+usual. They are registered, not jitted: a jitted function would be compiled anew for every literal argument.
 """
 
-from llvmlite import ir
+import gc
+from contextlib import contextmanager
+
+from llvmlite import binding, ir
+from numba import _dynfunc
+from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Flags, compile_extra
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.cpu import CPUContext
 from numba.core.registry import cpu_target
 from numba.extending import overload, register_jitable
 
 from . import NEVER_CALLED
 from .bundle import bundle_type
 
-kernel = register_jitable(error_model="numpy")
+_NOT_FROM_PYTHON = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+kernel = register_jitable(**_NOT_FROM_PYTHON)
 # A few lines each, called every step: as calls they would cost more in passing arrays than in work.
-inlined_kernel = register_jitable(error_model="numpy", forceinline=True)
+inlined_kernel = register_jitable(forceinline=True, **_NOT_FROM_PYTHON)
 
 
 def loop_kernel(function):
@@ -29,6 +36,64 @@ def loop_kernel(function):
         lambda *args: function
     )
     return function
+
+
+class Part(JITCodeLibrary):
+    """The code of one function of a unit, which waits for the unit to be linked, optimised and emitted."""
+
+    def finalize(self):
+        self._finalized = True
+
+    def _callees(self):
+        """All parts that this one needs, callers before callees: LLVM links of them what is already asked for."""
+        found, ended = {self}, []
+
+        def visit(part):
+            for other in part._linking_libraries:
+                if other not in found:
+                    found.add(other)
+                    visit(other)
+            ended.append(part)
+
+        visit(self)
+        return ended[-2::-1]
+
+    def _get_module_for_linking(self):
+        """With its callees, for code of others: what numba compiles here of its own it keeps for them too."""
+        whole = super()._get_module_for_linking().clone()
+        for other in self._callees():
+            whole.link_in(JITCodeLibrary._get_module_for_linking(other), preserve=True)
+        return whole
+
+    def object_code(self):
+        """Machine code of this part and all its callees, as numba optimises and emits its own."""
+        for other in self._callees():
+            self._final_module.link_in(JITCodeLibrary._get_module_for_linking(other), preserve=True)
+        self._optimize_final_module()
+        self._final_module.verify()
+        return self._codegen._tm.emit_object(self._final_module)
+
+
+@contextmanager
+def _parts_that_wait():
+    """What numba compiles in this context becomes Parts, which Python does not call. numba has no public way to it."""
+    kind = type(cpu_target.target_context.codegen())
+    before, executable, collecting = kind._library_class, CPUContext.get_executable, gc.isenabled()
+    nowhere = binding.address_of_symbol("abort")
+
+    def never_called(context, library, described, environment):
+        return _dynfunc.make_function(
+            described.lookup_module(), described.qualname, "", nowhere, environment, (library,)
+        )
+
+    kind._library_class, CPUContext.get_executable = Part, never_called
+    gc.disable()  # looking through numba's many small objects took a sixth of the time, and finds nothing to free
+    try:
+        yield
+    finally:
+        kind._library_class, CPUContext.get_executable = before, executable
+        if collecting:
+            gc.enable()
 
 
 class Unit:
@@ -48,7 +113,8 @@ class Unit:
         flags.error_model, flags.nrt = "numpy", True
         flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.no_compile = True
         types, target, (kinds, kind) = cpu_target.typing_context, cpu_target.target_context, self.signature
-        made = compile_extra(types, target, self.function, kinds, kind, flags, locals={})
+        with _parts_that_wait():
+            made = compile_extra(types, target, self.function, kinds, kind, flags, locals={})
         module = target.create_module(self.symbol)
         inner = ir.Function(module, target.call_conv.get_function_type(kind, kinds), made.fndesc.llvm_func_name)
         outer = ir.FunctionType(target.get_value_type(kind), [target.get_value_type(k) for k in kinds])
@@ -57,12 +123,9 @@ class Unit:
         _, result = target.call_conv.call_function(builder, inner, kind, kinds, own.args)
         builder.ret(result)
         made.library.add_ir_module(module)
-        made.library.get_pointer_to_function(self.symbol)
-        # numba has no public way to it. It frees an array by a function whose name is that of the whole process, so
-        # that numba would call what stands in for it here.
-        return made.library._get_compiled_object().replace(
-            b"NRT_MemInfo_call_dtor\0", NEVER_CALLED.encode() + b"\0"
-        )
+        # numba frees an array by a function whose name is that of the whole process, so that numba would call what
+        # stands in for it here.
+        return made.library.object_code().replace(b"NRT_MemInfo_call_dtor\0", NEVER_CALLED.encode() + b"\0")
 
 
 def unit(restype, *arguments):

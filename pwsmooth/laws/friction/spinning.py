@@ -78,10 +78,11 @@ def factors(shape, B, square=1):
     e = 1 - 2 * B
     singular = e ** (2 if shape == "disc" else 1) * sp.log(e**2 + _DELTA**2 + _INSIDE * (1 - square) ** 2) / 2
 
-    def horner(coefficients):
-        return functools.reduce(lambda sum_, c: sum_ * e + c, reversed(coefficients), sp.S.Zero)
+    def polynomial(coefficients):
+        # By powers, which all four share: the Taylor series of a power is a product, that of a sum is none.
+        return sp.Add(*(c * e**k for k, c in enumerate(coefficients)))
 
-    return tuple(horner(P) + singular * horner(Q) for P, Q in _fitted(shape))
+    return tuple(polynomial(P) + singular * polynomial(Q) for P, Q in _fitted(shape))
 
 
 class SpinningLaw(Law):
