@@ -71,7 +71,7 @@ def build(arguments: argparse.Namespace) -> int:
     environment = os.environ | {"PWSMOOTH_DOCS_FIGURES": str(figures.resolve()), "MPLBACKEND": "Agg"}
     command = [
         sys.executable, "-m", "sphinx", "--builder", "html", "--fail-on-warning", "--keep-going", "--fresh-env",
-        "--doctree-dir", str(BUILD / "doctrees"), *arguments.sphinx, str(DOCS), str(arguments.out),
+        "--jobs", "auto", "--doctree-dir", str(BUILD / "doctrees"), *arguments.sphinx, str(DOCS), str(arguments.out),
     ]  # fmt: skip
     code = subprocess.run(command, env=environment, check=False).returncode
     ended = time.perf_counter()

@@ -166,6 +166,7 @@ def test_beyond_it_the_ball_bounces_for_ever(chattering):
     assert beyond and all({kind for _, kind, _ in orbit.word} == {"impact"} for orbit in beyond)
 
 
+@pytest.mark.thorough
 def test_the_end_of_complete_chatter_is_followed_over_the_restitution(chattering):
     end = follow(chattering, G, to=1.6).bifurcations[0]
     curve = follow_curve(end, {G: (1.02, 2.6), e: (0.1, 0.9)})

@@ -109,7 +109,9 @@ def test_it_gives_way_at_the_same_time_at_every_tolerance(rtol):
     assert solution.event_times("slip by tangency")[0] == pytest.approx(expected, rel=1e-11)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize(
+    "seed", [*range(5), *(pytest.param(seed, marks=pytest.mark.thorough) for seed in range(5, 12))]
+)
 def test_random_bodies_beside_their_smoothed_view(seed):
     random = np.random.default_rng([11, seed])
     count = int(random.integers(2, 6))

@@ -222,6 +222,7 @@ def test_a_grazing_curve_ends_where_the_orbit_touches_twice(virtual):
     assert curve.values[0].min() > -ON_CURVE and curve.ends[0].startswith(twice.name)
 
 
+@pytest.mark.thorough
 def test_folds_of_the_impacting_orbit_reach_the_grazing_curve_at_no_speed():
     # The rows of the issue: (1.10, 0.116443006938) and (1.40, 0.281786577844).
     for frequency, amplitude in ((1.1, 0.116443006938), (1.4, 0.281786577844)):
@@ -456,6 +457,7 @@ def test_static_friction_that_just_catches_ends_a_branch_and_is_followed(slaved)
     assert curve.values[1, curve.values[0] == 0.4] == pytest.approx(other.parameter, abs=other.uncertainty)
 
 
+@pytest.mark.thorough
 def test_folds_of_rest_and_of_two_sticks_are_followed_through_canards():
     # Beside them the fold's condition bends within 1e-6 of a state. At rest only omega beta counts.
     from friction_oscillator import hidden, omega, sigma, v, y, z

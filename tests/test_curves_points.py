@@ -86,6 +86,7 @@ def test_a_flip_passes_where_a_fold_meets_it():
     assert np.abs(p + q - 3).max() < ON_CURVE and p.max() > 0.5
 
 
+@pytest.mark.thorough
 def test_folds_of_impacting_orbits_begin_at_degenerate_grazing_and_lead_back():
     ranges = {w: (0.55, 3), A: (0, 10)}
     quiet = hammer.with_parameters({A: 0.8 * grazing_amplitude(1.4)})

@@ -142,6 +142,7 @@ def test_a_pass_through_rest_has_no_derivative():
     assert problem.t == pytest.approx(0.25, abs=1e-9)
 
 
+@pytest.mark.thorough
 def test_the_planar_oscillator_has_its_orbit_and_sticks_are_born_on_its_branch():
     system, start, _ = _oscillator()
     orbit = find_orbit(system, start, period=8 * sp.pi, transient=20)

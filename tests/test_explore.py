@@ -365,18 +365,18 @@ def test_columns_that_are_carried_on_are_those_of_the_package(oscillator):
 
 
 def test_finished_basins_are_those_of_the_package(oscillator):
-    state = {"axes": ["y", "v"], "ranges": [[-2, 2], [-2, 2]], "cells": 17}
-    label = np.zeros(17 * 17, int)
+    state = {"axes": ["y", "v"], "ranges": [[-2, 2], [-2, 2]], "cells": 9}
+    label = np.zeros(9 * 9, int)
     header = {}
     for header, arrays in maps.basins(oscillator, state):  # noqa: B007
         label[arrays["cell"]] = arrays["label"]
-    assert header["finished"] and header["done"] == 17 * 17
-    grid = np.linspace(-2, 2, 17)
+    assert header["finished"] and header["done"] == 9 * 9
+    grid = np.linspace(-2, 2, 9)
     known = basins(oscillator.system, {"y": grid, "v": grid}, oscillator.period, start={"z": 0.0})
     starts = [orbit.x for orbit in known.attractors]
-    for row in range(17):
-        for column in range(17):
-            mine = header["cycles"][label[row * 17 + column] - 3]["x"]
+    for row in range(9):
+        for column in range(9):
+            mine = header["cycles"][label[row * 9 + column] - 3]["x"]
             np.testing.assert_allclose(mine, starts[known.labels[column, row]], atol=1e-6)
 
 

@@ -157,6 +157,7 @@ def test_only_the_relaxing_hidden_term_gives_the_asymmetric_orbit():
     assert found.steps[-1].spread > 0 and again.steps[-1].value == found.steps[-1].value
 
 
+@pytest.mark.thorough
 def test_nothing_short_of_the_multistate_law_has_the_presliding_loss():
     found = ladder("presliding", "loss", "2%", repeats=1)
     assert found.recommended is None and found.reason.startswith("none is")
@@ -179,6 +180,7 @@ def test_the_rigid_wall_has_the_restitution_of_the_richest_law_and_no_duration()
     assert np.isnan(force.value) and force.verdict == "outside"
 
 
+@pytest.mark.thorough
 def test_the_ideal_joint_has_the_position_and_not_the_acceleration():
     assert ladder("slider-crank", "position", 1e-3, repeats=1).recommended == "ideal"
     found = ladder("slider-crank", "top acceleration", "10%", repeats=1)

@@ -236,6 +236,7 @@ def test_the_saddle_of_an_impact_oscillator_has_the_basins_on_both_sides_of_its_
     assert tried > 20
 
 
+@pytest.mark.thorough
 def test_the_boundary_between_cells_of_basins_is_the_stable_curve(hammered):
     _, _, saddle = hammered
     found = manifold(saddle, "stable", length=12, spacing=0.005)

@@ -14,7 +14,7 @@ def test_there_are_exactly_two_set_up_commands_of_one_line_each():
     commands = re.findall(r"^    (\S.*)$", README, flags=re.MULTILINE)
     assert commands == [
         "pip install -e . && pwsmooth figures",
-        "pip install -e '.[test]' && pytest -n 2 --dist loadfile",
+        "pip install -e '.[test]' && pytest -n 2 --dist worksteal",
     ]
     assert commands[1] in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
 

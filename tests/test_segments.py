@@ -131,7 +131,7 @@ def test_a_canard_is_followed_around_its_end():
     assert np.array(other) == pytest.approx(np.roll(nodes, -1, axis=0), abs=1e-8)
 
 
-@pytest.mark.parametrize("drive", [1, 0.5])
+@pytest.mark.parametrize("drive", [1, pytest.param(0.5, marks=pytest.mark.thorough)])
 def test_rest_ends_in_a_fold_and_goes_over_to_slips_through_its_canard(drive):
     """Multipliers of 1 and less, and a growth of 1e7 and more on the way: one piece drowns in its roundings.
 
@@ -211,6 +211,7 @@ def test_a_cycle_of_an_autonomous_system_is_followed_on_its_section():
     assert [one.multipliers[0].real for one in branch.orbits] == pytest.approx(exact, rel=1e-9)
 
 
+@pytest.mark.thorough
 def test_turns_of_a_pendulum_are_the_same_however_many_it_has_made():
     # Upside down and shaken; a hundred turns further its angle has roundings of 1e-13, which grow a thousandfold.
     pendulum = System({x: u, u: k**2 * sp.sin(x) - u / 10 + sp.cos(t)}, time=t, parameters={k: 4})

@@ -167,6 +167,7 @@ def test_bristles_act_in_the_joint(law):
     assert np.abs(runs[0]["friction"]).max() > 1.0
 
 
+@pytest.mark.thorough
 def test_bristles_that_saturate_in_the_joint_are_those_of_small_steps():
     """In slip z comes to z_max, a kink, within a rounding of which it stays; every touch-down begins with z = 0."""
     scene = slider_crank(tangential=Elastoplastic())

@@ -56,7 +56,20 @@ STUDIES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("name", STUDIES)
+# Those that take a minute and more, fast as they are.
+THOROUGH = {
+    "avalanches",
+    "capture_bifurcation",
+    "capture_exponents",
+    "contact_laws",
+    "noise_recapture",
+    "rest_limit",
+}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.thorough) if n in THOROUGH else n for n in STUDIES]
+)
 def test_a_study_finds_what_it_expects(name, tmp_path):
     tools = importlib.import_module("studytools")
     study = importlib.import_module(name).STUDY
