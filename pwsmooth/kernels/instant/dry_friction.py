@@ -329,7 +329,7 @@ def begins_to_part(P, C, S, W, h):
         for e in range(P.dh_row[j], P.dh_row[j + 1]):
             for k in range(C.order + 1):
                 size += abs(W.dh[e] * rows[P.dh_col[e], k]) * h**k
-        for k in range(1, parting + 1 if parting <= C.order else parting):
+        for k in range(1, min(parting, C.order) + 1):
             drift = rows[all_rows[j], k]
             if abs(drift) * h**k > max(_PARTS, 10.0 * C.rtol) * size:
                 if k < parting:
