@@ -17,9 +17,12 @@ from typing import Any
 import sympy as sp
 
 from ..definition import checks
-from ..definition.model import Model
+from ..definition.model import Held, Model, Multiplier
+from ..definition.pointwise import draw, value
 from ..definition.views import substitutes
 
+NEAREST = sp.Symbol("amplitude_nearest", real=True)  # the finest step: what a path does in it is not looked at
+_TINY = sp.Float(1e-300)  # so that a start with h = 0 has a direction, 0
 _BENT = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Piecewise, sp.Heaviside)
 
 
@@ -67,7 +70,8 @@ class Diffusion:
     Noise that acts on a switch's surface leaves no sticking at eps = 0: the path meets the surface in a set of
     times of measure zero, and terms hidden on it never act (a warning says so). Noise on other states leaves
     sticking as it is, and makes its end a first passage of the multiplier; how many of the short slips that follow
-    such an end are seen depends on `step` and `finest`.
+    such an end are seen depends on `step` and `finest`. Noise that acts on the surface of a `Disc` leaves no sticking
+    either: lambda = h/|h|, with finer steps about h = 0; noise beside a disc that may stick is refused.
 
     Source: Roessler, SIAM J. Numer. Anal. 48 (2010) 922-952 for SRA1; Milstein, Theory Probab. Appl. 19 (1974) 557-562;
     the orders across a switch were measured here.
@@ -204,7 +208,7 @@ class Lowered:
 
     def holds(self, values: Mapping[sp.Symbol, float]) -> bool:
         """Whether no surface that seems noisy in symbols is quiet with these numbers."""
-        return all(s == 0 or sp.simplify(s.subs(values)) != 0 for s in self.spreads)
+        return all(s == 0 or not _vanishes(s.subs(values)) for s in self.spreads)
 
 
 def meaning(system: Any, own: Mapping[str, sp.Symbol]) -> dict[str, sp.Expr]:
@@ -276,28 +280,30 @@ def lower(model: Model, entries: tuple, extra: tuple, convention: str) -> Lowere
         along = {(j, k): slopes[k] * columns[j] for j in range(q) for k in range(q)}
         for j in range(q):
             for k in range(j):
-                if any(sp.simplify(e) != 0 for e in along[j, k] - along[k, j]):
+                if not all(map(_vanishes, along[j, k] - along[k, j])):
                     raise ValueError(
                         f"the noise does not commute: sources {sources[k]!r} and {sources[j]!r} act on each other's "
                         "amplitudes, and Milstein's scheme would need their Levy area. Give sources whose amplitudes "
                         "depend only on states that they drive alone, or one source."
                     )
         terms = [along[j, k][i] / (2 if j == k else 1) for i in range(n) for j in range(q) for k in range(j, q)]
-    rhs = model.rhs
+    model = replace(model, events=tuple(e for e in model.events if not e.singular))
+    spread = functools.partial(_spread, states=states, columns=columns)
+    turning, model = (_slipping(model, spread, nearest) for nearest in (NEAREST, 0))
+    rhs, followed = model.rhs, turning.rhs
     if convention == "stratonovich" and not additive:
         drift = sum((along[k, k] for k in range(q)), sp.zeros(n, 1)) / 2
-        rhs = tuple(f + c for f, c in zip(rhs, drift))
-    model = replace(model, events=tuple(e for e in model.events if not e.singular))
+        rhs, followed = (tuple(f + c for f, c in zip(fs, drift)) for fs in (rhs, followed))
     surfaces = [m.surface for m in model.multipliers] + [e.surface for e in model.events]
-    spreads = [_spread(h, states, columns) for h in surfaces]
+    spreads = [spread(h) for h in surfaces]
     _flat(model, states, columns, spreads)
-    outputs = [*G, *terms, _rate(rhs, states, columns, bool(model.smoothing)), *spreads]
+    outputs = [*G, *terms, _rate(followed, states, columns, bool(model.smoothing)), *spreads]
     for m in model.multipliers:
         slope = m.residual.diff(m.symbol)
-        outputs += [_spread(m.residual, states, columns), slope, slope.diff(m.symbol)]
+        outputs += [spread(m.residual), slope, slope.diff(m.symbol)]
     for h, width in model.smoothing:
         speed = h.diff(model.time) + sum(h.diff(x) * f for x, f in zip(states, rhs))
-        outputs += [h, speed, _spread(h, states, columns), width]
+        outputs += [h, speed, spread(h), width]
     coefficients = sorted(
         {s for e in outputs for s in e.free_symbols if s.name.startswith("amplitude_")}, key=str
     )
@@ -318,17 +324,70 @@ def _spread(h, states, columns):
     gradient = [h.diff(x) for x in states]
     parts = [sum((a * b for a, b in zip(gradient, g)), sp.S.Zero) for g in columns]
     total = sum((sp.expand(e) ** 2 for e in parts), sp.S.Zero)
-    return total if total == 0 or sp.simplify(total) != 0 else sp.S.Zero
+    return sp.S.Zero if _vanishes(total) else total
+
+
+def _vanishes(e):
+    """Whether an expression is 0 everywhere: a number that is not 0 answers at once."""
+    point = {s: draw(s, 0) for s in e.free_symbols}
+    return not abs(value(e, point)) > 1e-6 and sp.simplify(e) == 0
+
+
+def _slipping(model, spread, nearest):
+    """The model in which discs always slip, lambda = h/|h|: noise that acts on h leaves h = 0 at once.
+
+    A disc becomes a switch with |h|^2 > 0, a component an unknown with that equation. With `nearest`, a span of time,
+    directions turn no faster than |h| spreads in it: what they turn by nearer to 0 is not followed.
+    """
+    multipliers: list[Multiplier] = []
+    values: dict[sp.Basic, sp.Expr] = {}
+    softened: dict[sp.Basic, sp.Expr] = {}
+    for disc, *components in _discs(model):
+        spreads = [spread(m.surface) for m in components]
+        if not any(spreads):
+            raise ValueError(
+                f"the noise leaves the surfaces of the disc {disc.symbol} alone: such diffusions are not known; its "
+                "`smoothed` view has them."
+            )
+        softened[disc.surface] = disc.surface + nearest * sp.Add(*spreads) + _TINY
+        values |= {m.symbol: m.surface / sp.sqrt(disc.surface) for m in components} | {disc.symbol: sp.S.One}
+    if not values:
+        return model
+
+    def slipping(e):
+        apart = {choice: choice.args[1] for choice in e.atoms(Held) if choice.args[0] in values}
+        return e.xreplace(apart).xreplace(values).xreplace(softened)
+
+    for m in model.multipliers:
+        if m.kind == "disc":
+            rate = sp.Add(
+                *(m.surface.diff(x) * f for x, f in zip(model.states, model.rhs)), m.surface.diff(model.time)
+            )
+            m = Multiplier(m.symbol, "switch", slipping(rate), m.surface, "kink")
+        elif m.kind == "component":
+            m = Multiplier(m.symbol, "algebraic", slipping(m.symbol) - m.symbol)
+        multipliers.append(m)
+    return replace(model, rhs=tuple(map(slipping, model.rhs)), multipliers=tuple(multipliers))
+
+
+def _discs(model):
+    """The multipliers of each disc, its own and those of its components."""
+    found = []
+    for m in model.multipliers:
+        if m.kind == "disc":
+            found.append([m])
+        elif m.kind == "component":
+            found[-1].append(m)
+    return found
 
 
 def _flat(model, states, columns, spreads) -> None:
     """Refuses noise along a curved surface: Ito's term would push off it, and the sliding condition lacks it."""
-    checks.without_discs(model, "diffusions")
     for m, spread in zip(model.multipliers, spreads):
         if m.kind != "switch" or m.regularity != "sliding" or spread != 0:
             continue
         bend = sp.hessian(m.surface, states)
-        if any(sp.simplify((g.T * bend * g)[0]) != 0 for g in columns):
+        if not all(_vanishes((g.T * bend * g)[0]) for g in columns):
             raise ValueError(
                 f"the noise acts along the curved surface {m.surface} = 0 of {m.symbol}: sliding on it is not "
                 "provided for a diffusion. Take coordinates in which the surface is flat, or the smoothed view."

@@ -17,7 +17,7 @@ import sympy as sp
 
 from ..definition import checks
 from ..paths.event_driven import EventDriven, Options
-from .diffusion import Diffusion, lower, meaning, split
+from .diffusion import NEAREST, Diffusion, lower, meaning, split
 
 _LONGEST_GRID = 2**31  # intervals
 
@@ -68,7 +68,7 @@ class DiffusionRun:
             entries, numbers = split(noise.entries(states), named, values, lift=False)
             lowered = lower(model, entries, used, noise.convention)
         self.lowered = lowered
-        self.values = {**values, **numbers}
+        self.values = {**values, **numbers, NEAREST: noise.step / 2 ** (noise.level + noise.finest)}
         self._view = copy.copy(system)
         self._view.model, self._view.parameters = lowered.model, self.values
         self._warn()
@@ -76,13 +76,14 @@ class DiffusionRun:
     def _warn(self) -> None:
         slides = [
             m for m, noisy in zip(self.system.model.multipliers, self.lowered.noisy)
-            if noisy and m.kind == "switch" and m.regularity == "sliding"
+            if noisy and m.kind in ("switch", "disc") and m.regularity == "sliding"
         ]  # fmt: skip
         if slides:
             m = slides[0]
             hidden = " and its hidden terms never act" if m.hidden else ""
+            surface = "h . h" if m.kind == "disc" else m.surface
             warnings.warn(
-                f"the diffusion acts on the surface {m.surface} = 0 of {m.symbol}: at eps = 0 such a path does not "
+                f"the diffusion acts on the surface {surface} = 0 of {m.symbol}: at eps = 0 such a path does not "
                 f"stick{hidden}. For sticking under noise take the smoothed view, or Kicks.",
                 stacklevel=5,
             )
