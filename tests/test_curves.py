@@ -413,6 +413,7 @@ def test_a_stick_of_static_friction_is_parted_where_the_drive_comes_to_its_large
     assert np.abs(sigma - np.where(rho < 0.5, 1, fold * (1 + rho * (1 - fold**2)))).max() < 1e-10
 
 
+@pytest.mark.thorough
 def test_folds_and_partings_of_static_friction_lead_to_the_end_of_its_layer(slaved):
     """Beside a stick that a fold just lets go the map has a square root; from release to release it has none."""
     orbit = symmetric(slaved, rho=0.75, sigma=2)

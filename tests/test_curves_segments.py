@@ -61,6 +61,7 @@ def test_strong_resonances_are_found_beside_a_multiplier_of_1e11():
     assert double.name == "1:2 resonance" and list(double.values.values()) == pytest.approx([3, -1], abs=1e-8)
 
 
+@pytest.mark.thorough
 def test_a_stop_is_grazed_by_an_orbit_with_multipliers_up_to_1e19():
     stop = Unilateral(1 - x, restitution=sp.Rational(4, 5), name="stop")
     system = System(

@@ -274,6 +274,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.thorough
 def test_killed_again_and_again_it_ends_as_undisturbed(tmp_path, henon):
     """SIGKILL whenever one more item has come into the store, and at last a run to the end."""
     store, script = tmp_path / "henon.zarr", tmp_path / "killed.py"

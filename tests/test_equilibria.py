@@ -75,6 +75,7 @@ def test_random_affine_systems_have_the_equilibria_of_linear_algebra(block):
                 assert e.layer_eigenvalues[0] == pytest.approx(layer, rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_stable_pseudo_equilibrium_is_where_runs_come_to_rest():
     # Of the random systems those of which it is told: the slow flow and the layer attract.
     seen = 0

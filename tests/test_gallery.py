@@ -182,6 +182,7 @@ def test_the_drill_string_sticks_and_slips_up_to_where_a_slip_of_dop853_just_tou
     assert drill["size"][-1] < 0.5 and abs(last.system.parameter_values[-1] - drill["hopf"]) < 0.02
 
 
+@pytest.mark.thorough
 def test_the_two_masses_double_their_period_where_a_map_of_dop853_has_the_multiplier_minus_one():
     blocks = page("two_masses_on_belt")
     V, kappa = blocks["flip"].parameter, 1.2
@@ -689,6 +690,7 @@ def test_a_building_on_bearings_comes_to_rest_where_a_stiff_solver_takes_it():
     assert np.hypot(*(apart(12.0, c) - s for c, s in zip("xy", stiff, strict=True))) > 0.02
 
 
+@pytest.mark.thorough
 def test_sticks_are_born_where_the_velocity_is_zero_on_the_friction_circle():
     names = page("circular_sticks")
     assert len(names["born"]) == 2
@@ -709,6 +711,7 @@ def test_sticks_are_born_where_the_velocity_is_zero_on_the_friction_circle():
     assert stops[0] == 0 < stops[1] < stops[2]
 
 
+@pytest.mark.thorough
 def test_vibration_page_has_the_closed_forms_and_a_conveyor_that_turns_with_its_phase():
     names = page("vibration_and_friction")
     for across in (True, False):
@@ -723,6 +726,7 @@ def test_vibration_page_has_the_closed_forms_and_a_conveyor_that_turns_with_its_
     assert speeds[:8] == pytest.approx(-speeds[8:16], abs=5e-3) and speeds.max() > 0.08
 
 
+@pytest.mark.thorough
 def test_spinning_disc_page_ends_where_force_and_moment_fall_alike():
     names = page("spinning_disc")
     for spin in (0.25, 4.0):
@@ -791,6 +795,7 @@ def test_blocks_stop_on_the_closed_form_and_a_block_rides_on_its_plate_when_anot
     assert names["run"].x[:4, -1] == pytest.approx(q[:4] + np.tile(far, 2), abs=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_pin_that_slides_on_a_table_becomes_a_hinge():
     run = page("6_mechanics", "howto")["run"]
     assert run.itinerary[:2] == ("slip (lam)", "stick (lam sliding)")

@@ -88,6 +88,7 @@ def test_a_stable_curve_ends_where_the_motion_forward_leaves_a_slide():
     assert np.abs(left.points[1] - left.points[0] ** 2 / 2).max() < 1e-11
 
 
+@pytest.mark.thorough
 def test_a_saddle_in_space_has_an_unstable_curve_and_no_stable_one():
     e = find_equilibrium(System({x: x, y: -y, z: -2 * z}), {x: 0, y: 0, z: 0})
     assert np.nanmax(np.abs(manifold(e, length=2).points[1:])) < 1e-12
@@ -132,6 +133,7 @@ def test_henons_manifolds_are_those_of_the_parametrisation(kind):
             assert np.abs(np.array([P(r), Q(r)]) - p).max() < 1e-10
 
 
+@pytest.mark.thorough
 def test_the_curves_of_henons_saddle_cross_where_both_parametrisations_do():
     saddle = find_orbit(at_rest((x, y), HENON), {x: 0.63, y: 0.19}, period=1)
     a, b = 1.4, 0.3
@@ -178,6 +180,7 @@ def polygon(tau_left, tau_right, delta, m, saddle, images):
     return line
 
 
+@pytest.mark.thorough
 def test_the_border_collision_normal_form_has_a_polygon_as_unstable_curve():
     # Banerjee, Yorke & Grebogi, Phys. Rev. Lett. 80 (1998) 3049, robust chaos: the saddle of the right side.
     tau_left, tau_right, delta = 1.7, -1.7, 0.5

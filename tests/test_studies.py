@@ -58,13 +58,9 @@ STUDIES = [
 
 # Those that take a minute and more, fast as they are.
 THOROUGH = {
-    "avalanches",
-    "capture_bifurcation",
-    "capture_exponents",
-    "contact_laws",
-    "noise_recapture",
+    "avalanches", "capture_bifurcation", "capture_exponents", "contact_laws", "noise_recapture", "propositions",
     "rest_limit",
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -119,6 +115,7 @@ def test_the_references_of_gradients_are_those_of_the_runs(scene):
     assert run.derivatives.end[0] == pytest.approx(exact, abs=1e-12 * abs(exact).max())
 
 
+@pytest.mark.thorough
 def test_the_work_precision_study_draws_its_charts_and_its_reading(tmp_path):
     tools = importlib.import_module("studytools")
     study = importlib.import_module("work_precision").STUDY
