@@ -301,6 +301,32 @@ def test_linked_units_leave_the_runtime_of_numba_alone():
     assert printed[0].stdout == printed[1].stdout
 
 
+AFTER_A_UNIT = """
+import numba
+import numpy as np
+from pwsmooth.kernels.surface.layer import layer
+layer.compiled()
+
+@numba.njit
+def mixed(n):
+    a, b = np.zeros(n), np.empty((n, n))
+    for i in range(n):
+        a[i] = np.sqrt(i) + abs(-i) + max(i, 2) + int(1.5)
+        for j in range(n):
+            b[i, j] = i * j
+    a[:] = a + 1.0
+    return a.sum() + b.sum() + np.dot(a, a)
+
+print(mixed(4) == mixed.py_func(4))
+"""
+
+
+def test_what_numba_kept_of_a_unit_serves_its_other_functions_too():
+    """A unit's parts are neither optimised nor emitted one by one; numba finds some of them again."""
+    printed = subprocess.run([sys.executable, "-c", AFTER_A_UNIT], capture_output=True, text=True)
+    assert printed.stdout == "True\n", printed.stderr
+
+
 COMPILES = """
 from pwsmooth.codegen.machine.units import unit_address
 from pwsmooth.kernels.machine.compiling import Unit

@@ -58,20 +58,21 @@ class Part(JITCodeLibrary):
         visit(self)
         return ended[-2::-1]
 
+    def _with_callees(self, module):
+        for other in self._callees():
+            module.link_in(JITCodeLibrary._get_module_for_linking(other), preserve=True)
+        return module
+
     def _get_module_for_linking(self):
         """With its callees, for code of others: what numba compiles here of its own it keeps for them too."""
-        whole = super()._get_module_for_linking().clone()
-        for other in self._callees():
-            whole.link_in(JITCodeLibrary._get_module_for_linking(other), preserve=True)
-        return whole
+        return self._with_callees(super()._get_module_for_linking().clone())
 
     def object_code(self):
         """Machine code of this part and all its callees, as numba optimises and emits its own."""
-        for other in self._callees():
-            self._final_module.link_in(JITCodeLibrary._get_module_for_linking(other), preserve=True)
+        module = self._with_callees(self._final_module)
         self._optimize_final_module()
-        self._final_module.verify()
-        return self._codegen._tm.emit_object(self._final_module)
+        module.verify()
+        return self._codegen._tm.emit_object(module)
 
 
 @contextmanager
