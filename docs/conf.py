@@ -161,7 +161,6 @@ sphinx_gallery_conf = {
     "image_srcset": ["2x"],  # sharp on a phone
     "capture_repr": ("_repr_html_", "__repr__"),
     "plot_gallery": True,
-    "parallel": os.cpu_count(),
 }
 
 html_theme = "pydata_sphinx_theme"
