@@ -5,7 +5,7 @@ import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
 
-from pwsmooth import Disc, Drive, Event, Family, Solution, System, Unilateral, equilibria, solve, sweep
+from pwsmooth import Disc, Drive, Event, Family, Solution, System, Unilateral, solve, sweep
 from pwsmooth.laws.friction import (
     GMS,
     XKY,
@@ -307,8 +307,6 @@ def test_a_sweep_counts_the_sticks_of_a_disc():
 
 def test_what_a_disc_does_not_have_is_said_before_anything_runs():
     system, start = System({u: 0.2 - lam[0] / 2, v: -lam[1] / 2}), {u: 0.6, v: 0.8}
-    with pytest.raises(ValueError, match="equilibria of a system with a disc"):
-        equilibria(system, {u: (-1, 1), v: (-1, 1)})
     with pytest.raises(ValueError, match="is a disc"):
         solve(system, (0, 1), start, method="stiff")
     with pytest.raises(ValueError, match="Integrate forward"):

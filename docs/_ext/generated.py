@@ -42,9 +42,19 @@ def name_tests(app, name, content):
         content[0] = _TEST.sub(lambda m: f"- {plain(m[2].replace('_', ' '))} (`{m[1]}`)", content[0])
 
 
+def look_at_galleries(app):
+    """Warns of a script of a gallery that left no picture: its page would be words, and its thumbnail a blank."""
+    for gallery in app.config.sphinx_gallery_conf["examples_dirs"]:
+        for script in sorted((ROOT / "docs" / gallery).rglob("plot_*.py")):
+            images = AUTO / script.parent.relative_to(ROOT / "docs") / "images"
+            if not list(images.glob(f"sphx_glr_{script.stem}_0*.png")):
+                logger.warning("%s left no picture", script, type="gallery")
+
+
 def setup(app):
     app.add_config_value("pwsmooth_figures", "", "env", str)
     # Before sphinx-gallery (priority 500), which reads what is there.
     app.connect("builder-inited", generate, priority=100)
+    app.connect("builder-inited", look_at_galleries, priority=900)
     app.connect("source-read", name_tests)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

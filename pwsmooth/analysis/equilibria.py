@@ -19,10 +19,9 @@ from typing import Any
 import numpy as np
 
 from ..definition import checks
-from .equilibrium import Equilibrium, free_directions, made
+from .equilibrium import Equilibrium, made
 from .equilibrium_modes import autonomous, beside_exact, ends_set, fits, modes, same
-from .equilibrium_stability import margins
-from .statics import MOST_NEWTON, RANK, ROUNDING, Sides, Statics, newton
+from .statics import MOST_NEWTON, RANK, ROUNDING, Sides, Statics, beyond, free_directions, newton
 
 __all__ = ["equilibria", "find_equilibrium"]
 
@@ -171,13 +170,13 @@ def _spread(points: np.ndarray, statics: Statics, low: np.ndarray, high: np.ndar
     for k, j in enumerate(statics.J, n):
         centred = 2 * points[:, k] - 1
         tail = np.tan(0.499 * math.pi * centred)
-        if statics.system.model.multipliers[j].kind != "switch":
+        if statics.system.model.multipliers[j].kind not in ("switch", "component"):
             u[:, k] = tail
         else:
             u[:, k] = centred
             if wide:  # every second one beyond
                 u[1::2, k] = 2 * tail[1::2]
-    return u
+    return statics.along_slip(u, (np.arange(len(u)) % 2 == 1) & wide)
 
 
 def _one_solution(statics: Statics, u: np.ndarray) -> bool:
@@ -294,7 +293,7 @@ def _pivoted(system: Any, start: np.ndarray, options: list[tuple[int, ...]], tri
     model = system.model
     n, m = len(model.states) - model.n_memory, len(model.multipliers)
     statics = Statics(system, (1,) * m, start[n:])
-    h, on = margins(statics.line, start, np.zeros(m), statics.p, statics.sides)
+    h, on, _ = statics.margins(statics.along_slip(np.append(start[:n], np.zeros(len(statics.J)))[None])[0])
     mode = [0 if abs(h_j) <= size else int(np.sign(h_j)) for h_j, size in zip(h, on)]
     seen: set[Sides] = set()
     while True:
@@ -307,14 +306,9 @@ def _pivoted(system: Any, start: np.ndarray, options: list[tuple[int, ...]], tri
             return
         e = these[0]
         statics = Statics(system, e.sides, start[n:])
-        inside = statics.margins(np.concatenate([e.x[:n], e.mult[statics.J]]))[0]
+        inside = statics.margins(statics.unknowns(e.x, e.mult))[0]
         for j in np.flatnonzero(inside < 0):
-            if model.multipliers[j].kind == "contact":
-                mode[j] = 1 - mode[j]
-            elif mode[j] == 0:
-                mode[j] = int(np.sign(e.mult[j]))
-            else:
-                mode[j] = 0 if 0 in options[j] else -mode[j]
+            mode[j] = beyond(model.multipliers[j], mode[j], e.mult[j])
 
 
 def _from(x: np.ndarray, statics: Statics, guesses: Mapping[int, float]) -> np.ndarray:
@@ -324,13 +318,13 @@ def _from(x: np.ndarray, statics: Statics, guesses: Mapping[int, float]) -> np.n
     for j in statics.J:
         if j in guesses:
             values.append((guesses[j],))
-        elif multipliers[j].kind == "switch":
+        elif multipliers[j].kind in ("switch", "component"):
             values.append((0.0, 0.5, -0.5, 0.9, -0.9, 0.25, -0.25, 1.0, -1.0)[: 9 if len(statics.J) < 3 else 3])
         else:
             values.append((0.0, 1.0) if len(statics.J) < 3 else (0.3,))
     rows = list(itertools.islice(itertools.product(*values), 512))
     free = np.array(rows, float).reshape(len(rows), len(statics.J))
-    u = np.column_stack([np.tile(x, (len(free), 1)), free])
+    u = statics.along_slip(np.column_stack([np.tile(x, (len(free), 1)), free]))
     if not statics.J:
         return u
     # A start within a set of equilibria, of a block that sticks there, stays: the multipliers alone are solved for.

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from ..definition.describe import Described, Rows, listed, number, values
+from .disc_modes import places
 from .equilibrium_stability import Linear, linear_at, signs
-from .statics import RANK, Sides, Statics
+from .statics import Sides, Statics
 
 __all__ = ["Equilibrium"]
 
@@ -32,7 +33,8 @@ class Equilibrium(Described):
     mult : ndarray, shape (m,)
         Multipliers there: those of switches dimensionless, reactions and unknowns in the units of the model.
     sides : tuple of int
-        Of each multiplier 1 or -1 off its surface, 0 where it is held (a contact: 1 open, 0 closed).
+        Of each multiplier 1 or -1 off its surface, 0 where it is held (a contact: 1 open, 0 closed; a disc: 1 slips,
+        0 held, and its components always 0).
     residual : float, dimensionless
         Largest equation, relative to its terms.
     steps : int
@@ -81,16 +83,17 @@ class Equilibrium(Described):
 
     @property
     def held(self) -> tuple[str, ...]:
-        """Names of the switches and contacts that are held on their surfaces."""
+        """Names of the switches, discs and contacts that are held on their surfaces."""
         pairs = zip(self.system.model.multipliers, self.sides)
-        return tuple(str(mu.symbol) for mu, side in pairs if side == 0 and mu.kind != "algebraic")
+        following = "algebraic", "component"
+        return tuple(str(mu.symbol) for mu, side in pairs if side == 0 and mu.kind not in following)
 
     @property
     def kind(self) -> str:
         """ "regular", "pseudo-equilibrium" where a switch is held, "rest on a contact" where one is closed alone."""
         pairs = zip(self.system.model.multipliers, self.sides)
         kinds = {mu.kind for mu, side in pairs if side == 0}
-        if "switch" in kinds:
+        if kinds & {"switch", "disc"}:
             return "pseudo-equilibrium"
         return "rest on a contact" if "contact" in kinds else "regular"
 
@@ -106,7 +109,7 @@ class Equilibrium(Described):
 
     def _words(self, wanted: Any) -> Iterator[str]:
         statics = Statics(self.system, self.sides, self.x[len(self.x) - self.system.model.n_memory :])
-        inside, on, _ = statics.margins(np.concatenate([self.x[: statics.n], self.mult[statics.J]]))
+        inside, on, _ = statics.margins(statics.unknowns(self.x, self.mult))
         for mu, side, margin, size, lam in zip(
             self.system.model.multipliers, self.sides, inside, on, self.mult
         ):
@@ -117,6 +120,12 @@ class Equilibrium(Described):
                     f"the reaction {mu.symbol} is {lam:.6g}"
                     if side == 0
                     else (f"the gap {mu.surface} of {mu.symbol} is {margin:.6g}")
+                )
+            elif mu.kind == "disc" and side:
+                yield f"the speed of slip along {mu.symbol} is {margin:.6g}"
+            elif mu.kind == "disc":
+                yield f"|{mu.symbol}| is {1 - margin:.6g}, " + (
+                    "beyond 1" if margin < -size else "on its bound"
                 )
             elif side == 0:
                 yield f"{mu.symbol} is {lam:.6g}, " + ("beyond [-1, 1]" if margin < -size else "on its bound")
@@ -183,8 +192,10 @@ class Equilibrium(Described):
             return f"No equilibrium: {self.message}", {}.items()
         kind = ", ".join(filter(None, ["virtual" if self.virtual else "", self.kind, self.stability]))
         names, held = self.multipliers, set(self.held)
-        shown = {k: v for k, v in names.items() if k in held or k not in self._switches}
-        sides = [f"{k} = {v:+.0f}" for k, v in names.items() if k in self._switches and k not in held]
+        kinds = {str(mu.symbol): mu.kind for mu in self.system.model.multipliers}
+        shown = {k: v for k, v in names.items() if kinds[k] != "disc" and (k in held or kinds[k] != "switch")}
+        sides = [f"{k} = {v:+.0f}" for k, v in names.items() if kinds[k] == "switch" and k not in held]
+        sides += [f"{k} slips" for k in names if kinds[k] == "disc" and k not in held]
         return f"Equilibrium: {kind}", {
             "at": values(self.start, self.x),
             "held": values(shown, list(shown.values())),
@@ -198,10 +209,6 @@ class Equilibrium(Described):
             "message": [self.message] if self.message else [],
         }.items()
 
-    @property
-    def _switches(self) -> set[str]:
-        return {str(mu.symbol) for mu in self.system.model.multipliers if mu.kind == "switch"}
-
 
 def made(
     statics: Statics, u: np.ndarray, error: float, steps: int, system: Any, message: str = ""
@@ -209,15 +216,8 @@ def made(
     """The Equilibrium of a solution u (N,), without its parameter."""
     row = u[None] if statics.q is not None else u[None, : statics.size]
     x, mult, _ = statics.parts(row)
-    free = free_directions(statics(row)[1][0][:, : statics.size] * statics.unit) * statics.unit
-    free = free / np.linalg.norm(free, axis=1, keepdims=True)
+    free = statics.free(statics(row)[1][0])
+    mult[[own for own, _ in places(system.model) if statics.sides[own]]] = 1.0
     return Equilibrium(
         system, x[:, 0], mult[:, 0], statics.sides, float(error), int(steps), True, message, free
     )
-
-
-def free_directions(DF: np.ndarray) -> np.ndarray:
-    """Directions, as rows, in which the equations with these derivatives (M, N) leave the unknowns free."""
-    rows = np.abs(DF).max(axis=1, keepdims=True, initial=0.0)
-    sizes, right = np.linalg.svd(DF / np.where(rows > 0, rows, 1.0))[1:]
-    return right[np.sum(sizes > RANK * sizes.max(initial=1.0)) :]

@@ -26,7 +26,7 @@ from .equilibrium import Equilibrium
 from .equilibrium_branch import EquilibriumBifurcation, EquilibriumBranch
 from .equilibrium_tests import between
 from .mode_walk import Point, Walk
-from .statics import RANK, ROUNDING
+from .statics import RANK, ROUNDING, beyond
 
 _MOST_MODES = 50  # of a branch: changes of mode
 
@@ -104,7 +104,11 @@ def _followed(branch, e, bounds, lengths, most, virtual, late) -> str:
                     return f"the border of the mode was lost beyond {where}."
                 continue
             point, j, width = border
-            branch.bifurcations += between(walk, here, point)
+            # Where a set of equilibria begins at the border, that shows as a branch point there.
+            on_way = between(walk, here, point)
+            branch.bifurcations += [
+                b for b in on_way if b.kind != "branch point" or abs(b.parameter - walk.value(point)) > width
+            ]
             branch.equilibria.append(point.equilibrium)
             both = [k for k in range(len(point.margins)) if k != j and abs(point.margins[k]) <= point.on[k]
                     and here.margins[k] > here.on[k]]  # fmt: skip
@@ -169,14 +173,17 @@ def _boundary(
     e = point.equilibrium
     mu = e.system.model.multipliers[j]
     side, kink = e.sides[j], mu.kind == "switch" and mu.regularity == "kink"
-    other = 1 if mu.kind == "contact" else int(np.sign(e.mult[j]))
-    new = -side if kink else other if side == 0 else 0
-    if mu.kind == "contact":
+    new = beyond(mu, side, e.mult[j])
+    if mu.kind == "disc":
+        what = (
+            f"|{mu.symbol}| reaches 1: it slips" if side == 0 else f"the slip of {mu.symbol} ends: it is held"
+        )
+    elif mu.kind == "contact":
         what = f"the contact {mu.symbol} {'opens' if side == 0 else 'closes'}"
     elif kink:
         what = f"the kink {mu.surface} = 0 of {mu.symbol} is met"
     elif side == 0:
-        what = f"{mu.symbol} reaches {other}: the pseudo-equilibrium leaves {mu.surface} = 0"
+        what = f"{mu.symbol} reaches {new}: the pseudo-equilibrium leaves {mu.surface} = 0"
     else:
         what = f"{mu.surface} = 0 is met at {mu.symbol} = {side}: a pseudo-equilibrium is held there"
     kind = "boundary equilibrium" if walk.q is not None else "end of the set"
@@ -199,8 +206,8 @@ def _boundary(
     if there.slopes[j] < 0:
         there = after.point(after.first, -there.tangent)
         assert there is not None
-    q, beyond = point.tangent[walk.place], there.tangent[after.place]
+    q, ahead = point.tangent[walk.place], there.tangent[after.place]
     out = np.sign(point.slopes[j])  # 1 where a virtual branch comes back
-    if min(abs(q), abs(beyond)) > 1e-9:
-        kind += ": persistence" if q * beyond * -out > 0 else ": nonsmooth fold"
+    if min(abs(q), abs(ahead)) > 1e-9:
+        kind += ": persistence" if q * ahead * -out > 0 else ": nonsmooth fold"
     return replace(bifurcation, kind=kind, beyond=there.equilibrium), (after, there)

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from ..paths.linearised import linearise
+from .disc_modes import in_mode
 from .equilibrium_stability import Linear, linear_at, lyapunov_coefficient, sigmoid_slope
 from .statics import Statics
 
@@ -42,7 +43,7 @@ class Statics2(Statics):
     ) -> None:
         super().__init__(system, sides, memories)
         chosen: Any = tuple(next(p for p in system.parameters if p.name == name) for name in names)
-        self.line, self.q, self.names = linearise(system.model, chosen), chosen, names
+        self.line, self.q, self.names = linearise(in_mode(system.model, sides), chosen), chosen, names
         held = list(system.model.parameters)
         self.places = [(held.index(p), k) for k, p in enumerate(chosen) if p in held]
 
@@ -235,7 +236,7 @@ class Boundary(EquilibriumCondition):
                                                   float(sides[self.j]))  # fmt: skip
         sides[self.j] = self.new
         there = Statics2(old.system, tuple(sides), old.memories, old.names)
-        u = np.concatenate([x[: old.n], mult[there.J], spot.u[old.size :]])
+        u = np.concatenate([there.unknowns(x, mult), spot.u[old.size :]])
         DF = there(u[None])[1][0]
         return Spot(there, u, DF, spot.system) if np.isfinite(DF).all() else None
 

@@ -5,18 +5,17 @@ Chain: equilibrium.py -> **equilibrium_modes** -> equilibria.py.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import sympy as sp
 
 from ..definition import checks
 from ..definition.pointwise import value
-from ..definition.sigmoids import sigmoid
 from ..paths.linearised import linearise
+from .disc_modes import idle, in_mode, places
 from .equilibrium import Equilibrium
+from .equilibrium_stability import sigmoid_inverse
 from .sections import depends_on_time
 from .statics import ROUNDING, Statics
 
@@ -44,27 +43,25 @@ def modes(system: Any, sides: Mapping[Any, Any] | None) -> list[tuple[int, ...]]
     """The sides that each multiplier may have, with those that are given."""
     model, given = system.model, {}
     sides = checks.mapping({} if sides is None else sides, "`sides`", "switches to 1, -1 or 0")
-    able = [mu for mu in model.multipliers if mu.kind != "algebraic"]
+    able = [mu for mu in model.multipliers if mu.kind not in ("algebraic", "component")]
     for key, side in system._spread(sides, "`sides`").items():
         s = checks.lookup(key, [mu.symbol for mu in able], "`sides`", "switch or contact")
         mu = next(mu for mu in able if mu.symbol == s)
         allowed = _sides_of(mu)
         if type(side) not in (int, float, np.int64) or side not in allowed:
-            said = "a contact is open (1) or closed (0)" if mu.kind == "contact" else "choose one of " + ", ".join(
-                map(str, allowed)
-            )  # fmt: skip
-            raise ValueError(f"`sides` of {s} is {checks.shown(side)}; {said}.")
+            said = {"contact": "a contact is open (1) or closed (0)", "disc": "a disc slips (1) or is held (0)"}
+            choose = "choose one of " + ", ".join(map(str, allowed))
+            raise ValueError(f"`sides` of {s} is {checks.shown(side)}; {said.get(mu.kind, choose)}.")
         given[s] = int(side)
     return [(given[mu.symbol],) if mu.symbol in given else _sides_of(mu) for mu in model.multipliers]
 
 
 def _sides_of(mu: Any) -> tuple[int, ...]:
-    if mu.kind == "algebraic":
+    if mu.kind in ("algebraic", "component"):
         return (0,)
-    if mu.kind == "contact":
-        return (1, 0)
+    sides = (1,) if mu.kind in ("contact", "disc") else (1, -1)
     # A field that is continuous across a kink is never held there.
-    return (1, -1) if mu.regularity == "kink" else (1, -1, 0)
+    return sides if mu.regularity == "kink" else (*sides, 0)
 
 
 def same(one: Equilibrium, other: Equilibrium, unit: Any = 1.0) -> bool:
@@ -72,11 +69,14 @@ def same(one: Equilibrium, other: Equilibrium, unit: Any = 1.0) -> bool:
     n = len(one.x) - one.system.model.n_memory
     if np.any(np.abs(one.x - other.x)[:n] > SAME * (unit + np.abs(one.x[:n]))):
         return False
-    if one.sides == other.sides:
-        return bool(np.all(np.abs(one.mult - other.mult) <= SAME * (1 + np.abs(one.mult))))
+    model = one.system.model
     apart = np.abs(one.mult - other.mult) > SAME * (1 + np.abs(one.mult))
-    kinks = [mu.kind == "switch" and mu.regularity == "kink" for mu in one.system.model.multipliers]
-    return not np.any(apart & ~np.array(kinks, bool))
+    apart[idle(model)] = False  # those of one state are the same, but at rest, where they do nothing
+    if one.sides == other.sides:
+        return not apart.any()
+    # The disc's own multiplier follows its components, but where it only says that it slips.
+    free = [mu.kind == "disc" or (mu.kind == "switch" and mu.regularity == "kink") for mu in model.multipliers]
+    return not np.any(apart & ~np.array(free, bool))
 
 
 def fits(system: Any, x: np.ndarray) -> bool:
@@ -93,7 +93,7 @@ def ends_set(e: Equilibrium, found: list[Equilibrium]) -> bool:
     for sides in {one.sides for one in found if not one.isolated}:
         own = [a for a, b in zip(e.sides, sides) if a != b]
         statics = Statics(e.system, sides, memories)
-        u = np.concatenate([e.x[: statics.n], e.mult[statics.J]])[None]
+        u = statics.unknowns(e.x, e.mult)[None]
         if own and all(own) and statics.error(*statics(u), u)[0] <= 1e3 * ROUNDING:
             return True
     return False
@@ -112,23 +112,24 @@ def beside_exact(system: Any, found: Any) -> np.ndarray:
     values = {p.name: value for p, value in system.parameters.items()}
     exact = view.original
     exact = exact.with_parameters({p.name: values[p.name] for p in exact.parameters if p.name in values})
-    widths = [values[eps.name] for _, eps in model.smoothing]  # in the order of the switches
-    inverse = _inverse(model.sigmoid)
+    widths = [values[eps.name] for _, eps in model.smoothing]  # in the order of the switches, then of the discs
+    inverse = sigmoid_inverse(model.sigmoid)
     for e in found(exact):
-        held = [j for j, side in enumerate(e.sides) if side == 0 and j < len(widths) and abs(e.mult[j]) < 1]
-        line = linearise(e.system.model)
+        line = linearise(in_mode(e.system.model, e.sides))
+        kinds = [mu.kind for mu in e.system.model.multipliers]
+        layers = [(j, [j]) for j, kind in enumerate(kinds) if kind == "switch"] + places(e.system.model)
         p = np.array(e.system.parameter_values, float)
-        H = line.constraints(np.zeros(1), e.x[:, None], e.mult[:, None], p)[1][0][held]
-        depth = np.array([widths[j] * inverse(e.mult[j]) for j in held])
+        by_x = line.constraints(np.zeros(1), e.x[:, None], e.mult[:, None], p)[1][0]
+        depths: dict[int, float] = {}
+        for (own, parts), width in zip(layers, widths):
+            size = float(np.linalg.norm(e.mult[parts]))
+            if e.sides[own] == 0 and size < 1:
+                deep = width * inverse(size) / size if size > 0 else 0.0
+                depths |= {j: deep * e.mult[j] for j in parts}
+        H, depth = by_x[list(depths)], np.array(list(depths.values()))
         at = dict(zip(map(str, e.system.states), e.x + np.linalg.pinv(H) @ depth))
         point = {s: v for s, v in zip((mu.symbol for mu in e.system.model.multipliers), e.mult)}
         point |= dict(zip(e.system.states, e.x)) | e.system.parameters
         at |= {str(z.symbol): value(z.equilibrium, point) for z in e.system.model.layer_states}
         seeds.append(np.array([at[str(s)] for s in model.states[:n]]))
     return np.array(seeds).reshape(-1, n)
-
-
-@functools.lru_cache(maxsize=8)
-def _inverse(name: str) -> Any:
-    lam = sp.Symbol("lam", real=True)
-    return sp.lambdify(lam, sigmoid(name).inverse(lam), modules=["scipy", "numpy"])

@@ -3,17 +3,21 @@
     A = T' (f_x + f_J lam_x) T,   lam_x = -(g_JJ)**-1 g_Jx,   T a basis of the directions along what is held
     L = Lambda'(lam_S)/eps_S (g_SS - g_SK (g_KK)**-1 g_KS),   S the switches held, K the other solved unknowns
 
+Of a disc that is held Lambda' is a matrix, with Lambda/u across lambda. Of one that slips lambda and the speed r are
+unknowns (disc_modes.py).
+
 h = 0 of a switch that slides takes one direction, h = dh/dt = 0 of a closed contact two. L belongs to the motion of the
 multipliers through the layer: where it has an eigenvalue on the right, the slow flow runs on a branch that repels.
 At a Hopf point the first Lyapunov coefficient says which way the cycles go.
 
-Chain: paths/linearised.py -> **equilibrium_stability** -> statics.py, equilibrium.py.
+Chain: paths/linearised.py, disc_modes.py -> **equilibrium_stability** -> statics.py, equilibrium.py.
 """
 
 from __future__ import annotations
 
 import functools
 import itertools
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,12 +28,14 @@ from ..definition.model import Model
 from ..definition.sigmoids import sigmoid
 from ..paths.linearised import Linearised, linearise
 from ..results.outputs import vectorised
+from .disc_modes import completed, held, in_mode, places, unknowns
 
 _ON_SURFACE = 1e-9  # of h, lambda and reactions, relative: nearer than this it lies on the border
 _ROUNDING = 1e-12  # to which a state at 0 is known, in its unit
 _EIGENVALUE = 1e-9  # relative to the largest: nearer to the imaginary axis nothing is decided
 _MOST_STATES = 12  # of a Lyapunov coefficient: third derivatives are n**4/6 expressions
 _SAME_SLOPE = 1e-9  # of Jacobians on both sides of a kink
+_ASIDE = 1e-10  # how far beside a point that has no derivative it is asked for
 
 
 @dataclass(frozen=True)
@@ -70,21 +76,35 @@ def signs(values: np.ndarray) -> tuple[int, int, int]:
 def linear_at(system: Any, x: np.ndarray, mult: np.ndarray, sides: tuple[int, ...]) -> Linear:
     """The linear part at a point (n,), (m,) of a mode."""
     model = system.model
-    line = linearise(model)
+    line = linearise(in_mode(model, sides))
     p = np.array(system.parameter_values, float)
     n = len(model.states) - model.n_memory
-    J = [j for j, side in enumerate(sides) if side == 0]
-    matrix, along = _on_manifold(line, x, mult, p, n, J)
+    mult = completed(line, sides, x[:, None], mult[:, None], p)[:, 0]
+    J = unknowns(model, sides)
     inside, on = margins(line, x, mult, p, sides)
     met = np.flatnonzero(np.abs(inside) <= on).tolist()
-    kinks = [j for j in met if sides[j] and _is_kink(model.multipliers[j])]
+    kinks = [j for j in met if sides[j] and model.multipliers[j].regularity == "kink"]
     undecided = next((_border(model.multipliers[j], sides[j], mult[j]) for j in met if j not in kinks), "")
+    # At rest h/|h| of a disc may be any direction.
+    own = {j: [j] for j in kinks} | {j: parts for j, parts in places(model) if j in kinks}
+    J = [j for j in J if not any(j == kink or j in parts for kink, parts in own.items())]
+    matrix, along = _on_manifold(line, x, mult, p, n, J)
+    if not np.isfinite(matrix).all():  # the tip of a cone |v|, perhaps
+        around = [_on_manifold(line, x + np.pad(step, (0, len(x) - n)), mult, p, n, J) for step in beside(8, n)]
+        slopes = [basis @ slope @ basis.T for slope, basis in around]
+        matrix, along = around[0]
+        if any(_differ(slope, slopes[0]) for slope in slopes):
+            undecided = undecided or "its Jacobian jumps there"
     if kinks:
-        for turned in itertools.product((1.0, -1.0), repeat=len(kinks)):
+        ways = [
+            [(parts, side * way) for way in np.eye(len(parts)) for side in (1, -1)] for parts in own.values()
+        ]
+        for turned in itertools.product(*ways):
             other = mult.copy()
-            other[kinks] = turned
+            for parts, way in turned:
+                other[parts] = way
             slope = _on_manifold(line, x, other, p, n, J)[0]
-            if np.abs(slope - matrix).max(initial=0.0) > _SAME_SLOPE * (1 + np.abs(matrix).max(initial=0.0)):
+            if _differ(slope, matrix):
                 names = ", ".join(str(line.symbols[j]) for j in kinks)
                 undecided = undecided or f"it lies on the kink of {names}, where the Jacobian jumps"
     for j in J:
@@ -95,8 +115,20 @@ def linear_at(system: Any, x: np.ndarray, mult: np.ndarray, sides: tuple[int, ..
             )
     if not np.isfinite(matrix).all():
         undecided = undecided or "dg/dlambda = 0 for what is held: the sliding flow has no slope there"
-    layer = _layer(model, line, x, mult, p, [j for j in J if model.multipliers[j].regularity == "sliding"], J)
+    layer = _layer(
+        line, x, mult, p, [j for j in held(model, sides) if model.multipliers[j].regularity == "sliding"], J
+    )
     return Linear(matrix, along, layer, undecided)
+
+
+def _differ(slope: np.ndarray, matrix: np.ndarray) -> bool:
+    return bool(np.abs(slope - matrix).max(initial=0.0) > _SAME_SLOPE * (1 + np.abs(matrix).max(initial=0.0)))
+
+
+def beside(count: int, n: int) -> np.ndarray:
+    """Steps (count, n) in several directions so short that what has a derivative keeps it."""
+    ways = np.random.default_rng(0).standard_normal((count, n))
+    return _ASIDE * ways / np.linalg.norm(ways, axis=1, keepdims=True)
 
 
 def _point(x: np.ndarray, mult: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -138,14 +170,20 @@ def margins(
 ) -> tuple[np.ndarray, np.ndarray]:
     """How far a point is inside its mode, for each multiplier, and below which size that is none: (m,), (m,).
 
-    h on its own side, 1 - |lam| while held, the reaction of a closed contact; inf for an unknown.
+    h on its own side, 1 - |lam| while held, the speed of a disc's slip, the reaction of a closed contact; inf for an
+    unknown.
     """
     c, c_w, _ = (part[0] for part in line.constraints(*_point(x, mult), p))
     inside, on = np.full(len(sides), np.inf), np.full(len(sides), _ON_SURFACE)
+    rounding = np.abs(c_w[:, : len(x)]) @ (_ON_SURFACE * np.abs(x) + _ROUNDING)
+    for own, parts in places(line.model):
+        inside[own] = mult[own] if sides[own] else 1 - math.sqrt(max(mult[own], 0.0))
+        on[own] = rounding[parts].sum() if sides[own] else _ON_SURFACE
     for j, mu in enumerate(line.model.multipliers):
+        if mu.kind == "disc":
+            continue
         if sides[j]:
-            inside[j] = sides[j] * c[j]
-            on[j] = np.abs(c_w[j, : len(x)]) @ (_ON_SURFACE * np.abs(x) + _ROUNDING)
+            inside[j], on[j] = sides[j] * c[j], rounding[j]
         elif mu.kind == "contact":
             inside[j], on[j] = mult[j], _ON_SURFACE * np.abs(mult).max() + _ROUNDING
         elif mu.kind == "switch":
@@ -153,36 +191,32 @@ def margins(
     return inside, on
 
 
-def _is_kink(mu: Any) -> bool:
-    return mu.kind == "switch" and mu.regularity == "kink"
-
-
 def _border(mu: Any, side: int, value: float) -> str:
     """Why a point on the border of its mode has no eigenvalues that decide."""
     if side:
         return f"it lies on the surface of {mu.symbol} and is held by neither side"
+    if mu.kind == "disc":
+        return f"|{mu.symbol}| stands on its bound 1"
     return f"{mu.symbol} = {value:.6g} stands on its bound"
 
 
 def _layer(
-    model: Model, line: Linearised, x: np.ndarray, mult: np.ndarray, p: np.ndarray, S: list[int], J: list[int]
+    line: Linearised, x: np.ndarray, mult: np.ndarray, p: np.ndarray, S: list[int], J: list[int]
 ) -> np.ndarray:
     """The Jacobian L of the layer, in the first switch's eps; with layered states theirs below."""
-    S = [j for j in S if model.multipliers[j].kind == "switch"]
+    model = line.model
     S = [j for j in S if model.multipliers[j].residual != model.multipliers[j].surface]
     if not S:
         return np.zeros((0, 0))
     K = [j for j in J if j not in S]
-    slope = sigmoid_slope(model.sigmoid)
-    # Beyond [-1, 1], where an equilibrium is virtual, no sigmoid has a slope: there its sign is all that is asked for.
-    speed = np.array([(slope(mult[j]) if abs(mult[j]) < 1 else 1.0) / model.eps_ratio[j] for j in S])
+    speed = _speed(model, mult, S)
     finite = [z for z in model.layer_states if z.ratio != sp.oo]
     if not finite:
         g = line.blocks(*_point(x, mult), p).g_lam[0]
         square = g[np.ix_(S, S)]
         if K:
             square = square - g[np.ix_(S, K)] @ np.linalg.solve(g[np.ix_(K, K)], g[np.ix_(K, S)])
-        return speed[:, None] * square
+        return speed @ square
     functions = _layered(model)
     z = [float(np.ravel(f(0.0, *x, *mult, *p))[0]) for f in functions[0]]
     values = np.array([np.ravel(v)[0] for v in functions[1](0.0, *x, *mult, *p, *z)], float)
@@ -190,11 +224,33 @@ def _layer(
     g_lam, g_z, Q_lam, Q_z, r = np.split(values, np.cumsum([line.m * line.m, line.m * k, k * line.m, k * k]))
     g_lam, g_z = g_lam.reshape(line.m, line.m), g_z.reshape(line.m, k)
     Q_lam, Q_z = Q_lam.reshape(k, line.m), Q_z.reshape(k, k)
-    inner = speed[:, None] * g_lam[np.ix_(S, S)]
+    inner = speed @ g_lam[np.ix_(S, S)]
     if not r.any():  # two stages: lambda first, then z along its root
-        rest = Q_z - Q_lam[:, S] @ np.linalg.solve(inner, speed[:, None] * g_z[S])
+        rest = Q_z - Q_lam[:, S] @ np.linalg.solve(inner, speed @ g_z[S])
         return np.block([[inner, np.zeros((len(S), k))], [np.zeros((k, len(S))), rest]])
-    return np.block([[inner, speed[:, None] * g_z[S]], [r[:, None] * Q_lam[:, S], r[:, None] * Q_z]])
+    return np.block([[inner, speed @ g_z[S]], [r[:, None] * Q_lam[:, S], r[:, None] * Q_z]])
+
+
+def _speed(model: Model, mult: np.ndarray, S: list[int]) -> np.ndarray:
+    """How fast the multipliers S move through their layers as dh/dt is 1: a row and a column each.
+
+    Of a switch Lambda', of a disc with the radius u of Lambda(u) = |lambda| the matrix that has Lambda' along lambda
+    and Lambda/u across it.
+    """
+    slope, inverse = sigmoid_slope(model.sigmoid), sigmoid_inverse(model.sigmoid)
+    speed = np.zeros((len(S), len(S)))
+    # Beyond 1, where an equilibrium is virtual, no sigmoid has a slope: there its sign is all that is asked for.
+    for k, j in enumerate(S):
+        speed[k, k] = (slope(mult[j]) if abs(mult[j]) < 1 else 1.0) / model.eps_ratio[j]
+    for own, parts in places(model):
+        at = [k for k, j in enumerate(S) if j in parts]
+        size = float(np.linalg.norm(mult[parts]))
+        if at and size > 0:
+            n = mult[parts] / size
+            along, across = (slope(size), size / inverse(size)) if size < 1 else (1.0, 1.0)
+            matrix = across * np.eye(len(n)) + (along - across) * np.outer(n, n)
+            speed[np.ix_(at, at)] = matrix / model.eps_ratio[own]
+    return speed
 
 
 @functools.lru_cache(maxsize=16)
@@ -219,6 +275,12 @@ def sigmoid_slope(name: str) -> Any:
     return sp.lambdify(lam, sigmoid(name).slope(lam), modules=["scipy", "numpy"])
 
 
+@functools.lru_cache(maxsize=8)
+def sigmoid_inverse(name: str) -> Any:
+    lam = sp.Symbol("lam", real=True)
+    return sp.lambdify(lam, sigmoid(name).inverse(lam), modules=["scipy", "numpy"])
+
+
 def lyapunov_coefficient(system: Any, x: np.ndarray, mult: np.ndarray, sides: tuple[int, ...]) -> float | None:
     """First Lyapunov coefficient at a Hopf point of a smooth mode; None where unknowns are solved or states are many.
 
@@ -228,8 +290,12 @@ def lyapunov_coefficient(system: Any, x: np.ndarray, mult: np.ndarray, sides: tu
     """
     model = system.model
     n = len(model.states) - model.n_memory
-    if not all(sides) or n > _MOST_STATES:
+    if n > _MOST_STATES or any(
+        side == 0 and mu.kind != "component" for mu, side in zip(model.multipliers, sides)
+    ):
         return None
+    mult = mult.copy()
+    mult[[own for own, _ in places(model)]] = 1.0  # they slip, with lambda = h/|h|
     line = linearise(model)
     p_ = np.array(system.parameter_values, float)
     A = line.blocks(*_point(x, mult), p_).f_w[0][:n, :n]

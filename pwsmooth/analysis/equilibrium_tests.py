@@ -17,6 +17,7 @@ import sympy as sp
 
 from ..definition.pointwise import value
 from ..definition.regularity import total_derivative
+from .disc_modes import held as held_in
 from .equilibrium import Equilibrium
 from .equilibrium_branch import EquilibriumBifurcation
 from .equilibrium_stability import lyapunov_coefficient
@@ -121,7 +122,7 @@ def _symbols(e: Equilibrium) -> dict[sp.Symbol, float]:
 def _layer_kind(e: Equilibrium) -> tuple[str, str]:
     """The name of a point at which the layer's determinant vanishes, and what happens there."""
     model = e.system.model
-    held = [mu for mu, side in zip(model.multipliers, e.sides) if side == 0 and mu.kind == "switch"]
+    held = [model.multipliers[j] for j in held_in(model, e.sides)]
     if any(mu.hidden for mu in held) or model.layer_states:
         return (
             "hidden fold",

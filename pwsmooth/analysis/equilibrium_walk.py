@@ -43,7 +43,7 @@ class Walk2:
         self.names, self.condition = names, condition
         self.statics = Statics2(e.system, e.sides, e.x[own:], names)
         self.size = self.statics.size
-        x = np.concatenate([e.x[:own], e.mult[self.statics.J]])
+        x = self.statics.unknowns(e.x, e.mult)
         values = [
             float(next(v for p, v in e.system.parameters.items() if p.name == q)) for q in self.statics.names
         ]

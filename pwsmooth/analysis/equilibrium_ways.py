@@ -17,7 +17,7 @@ from .codimension import Codimension2, Lead
 from .equilibrium import Equilibrium, made
 from .equilibrium_conditions import BOUNDARY, Boundary, Hopf
 from .equilibrium_walk import Point, Walk2
-from .statics import Statics
+from .statics import Statics, beyond
 
 _INSIDE = 1e-7  # of a margin: what is less is the border itself
 _TURNS = 1e-7  # of a unit tangent
@@ -29,18 +29,13 @@ def beyond_border(e: Equilibrium, j: int | None) -> tuple[int, int]:
     if j is None:
         own = len(e.x) - e.system.model.n_memory
         statics = Statics(e.system, e.sides, e.x[own:])
-        inside = statics.margins(np.concatenate([e.x[:own], e.mult[statics.J]]))[0]
+        inside = statics.margins(statics.unknowns(e.x, e.mult))[0]
         if not np.isfinite(inside).any():
             raise ValueError(
                 "`start` has no switch or contact, so that it comes to no boundary; give another `kind`."
             )
         j = int(np.argmin(np.abs(inside)))
-    mu, side = e.system.model.multipliers[j], e.sides[j]
-    if mu.kind == "contact":
-        return j, 1 - side
-    if side == 0:
-        return j, int(np.sign(e.mult[j]))
-    return j, -side if mu.regularity == "kink" else 0
+    return j, beyond(e.system.model.multipliers[j], e.sides[j], e.mult[j])
 
 
 class EquilibriumWay:

@@ -22,6 +22,7 @@ from ..paths.linearised import linearise, rates
 from ..results.records import Outcome
 from ..solve import solve
 from .arms import Arm, Growing, Meeting, Rules, Sample, dense
+from .disc_modes import in_mode
 from .equilibrium import Equilibrium
 
 _FIRST = 1e-6  # relative to the states: how far from the equilibrium an arm along a direction begins
@@ -64,7 +65,10 @@ def arms_of_equilibrium(e: Equilibrium, stable: bool, rules: Rules) -> list[Arm]
 
 def _onto(e: Equilibrium, x: np.ndarray) -> np.ndarray:
     """x moved onto the surfaces that are held."""
-    line, J = linearise(e.system.model), [j for j, side in enumerate(e.sides) if side == 0]
+    line = linearise(in_mode(e.system.model, e.sides))
+    # What a disc in slip is solved for takes no direction away.
+    J = [j for j, (mu, side) in enumerate(zip(line.model.multipliers, e.sides))
+         if side == 0 and (mu.kind != "component" or mu.surface is not None)]  # fmt: skip
     p = np.array(e.system.parameter_values, float)
     for _ in range(2):
         c, by_x, _ = (part[0] for part in line.constraints(np.zeros(1), x[:, None], e.mult[:, None], p))

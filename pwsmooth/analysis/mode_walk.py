@@ -48,7 +48,7 @@ class Walk:
         self.statics = Statics(e.system, e.sides, e.x[own:], q)
         states = [str(s) for s in e.system.model.states]
         self.place = self.statics.size if q is not None else states.index(name)
-        u = np.concatenate([e.x[:own], e.mult[self.statics.J]])
+        u = self.statics.unknowns(e.x, e.mult)
         self.unit = 1 + np.abs(u)
         if q is not None:
             u, self.unit = np.append(u, e.system.parameters[q]), np.append(self.unit, scale)

@@ -3,9 +3,10 @@
     F = (f(x, lam), h_J(x, lam)) = 0,   u = (x, lam_J),   lam_j = 1 or -1, R_j = 0 for what is not held
 
 A mode says of every multiplier on which side of its surface it is: 1 or -1, or 0 where it is held there (a closed
-contact, an algebraic unknown). In a mode the equations are smooth.
+contact, an algebraic unknown). A disc slips, 1, or is held; its components are unknowns, 0. In a mode the equations are
+smooth.
 
-Chain: paths/linearised.py, equilibrium_stability.py -> **statics** -> equilibrium.py, mode_walk.py.
+Chain: paths/linearised.py, disc_modes.py, equilibrium_stability.py -> **statics** -> equilibrium.py, mode_walk.py.
 """
 
 from __future__ import annotations
@@ -16,11 +17,10 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..definition import checks
 from ..paths.linearised import linearise
-from .equilibrium_stability import margins
+from .disc_modes import Sides, along_slip, completed, idle, in_mode, unknowns
+from .equilibrium_stability import beside, margins
 
-Sides = tuple[int, ...]
 MOST_NEWTON = 60
 _CONVERGED = 1e-10  # of a full step, relative: the error after it is its square
 _UNDERFLOW = 1e-24  # what Newton's method leaves of a 0
@@ -35,11 +35,10 @@ class Statics:
         self, system: Any, sides: Sides, memories: np.ndarray, q: sp.Symbol | None = None, unit: Any = 1.0
     ) -> None:
         model = system.model
-        checks.without_discs(model, "equilibria")
         self.system, self.sides, self.q, self.memories = system, sides, q, memories
-        self.line = linearise(model, () if q is None else (q,))
+        self.line = linearise(in_mode(model, sides), () if q is None else (q,))
         self.n, self.m = len(model.states) - model.n_memory, len(model.multipliers)
-        self.J = [j for j, side in enumerate(sides) if side == 0]
+        self.J = unknowns(model, sides)
         # An open contact has side 1 and the reaction 0.
         self.fixed = np.array(
             [side if mu.kind == "switch" else 0 for mu, side in zip(model.multipliers, sides)], float
@@ -62,8 +61,32 @@ class Statics:
             p[self.place] = u[0, -1]  # of one row only
         return x, mult, p
 
+    def unknowns(self, x: np.ndarray, mult: np.ndarray) -> np.ndarray:
+        """u (size,) at the states (n,) and the multipliers (m,) of an equilibrium."""
+        mult = completed(self.line, self.sides, x[:, None], mult[:, None], self.p)[:, 0]
+        return np.concatenate([x[: self.n], mult[self.J]])
+
+    def along_slip(self, u: np.ndarray, against: Any = False) -> np.ndarray:
+        """The rows of u with lambda = h/|h| for discs that slip, or its opposite."""
+        x, mult, p = self.parts(u)
+        u = u.copy()
+        u[:, self.n : self.size] = along_slip(self.line, self.sides, x, mult, p, against)[self.J].T
+        return u
+
     def __call__(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """F (K, M) and DF (K, M, N) at the rows of u (K, N)."""
+        """F (K, M) and DF (K, M, N) at the rows of u (K, N).
+
+        Where F has no derivative, as at the tip of a cone |v|, it is one of those beside the point.
+        """
+        F, DF = self._at(u)
+        tip = np.isfinite(F).all(axis=1) & ~np.isfinite(DF).all(axis=(1, 2))
+        if tip.any():
+            aside = u[tip]
+            aside[:, : self.n] += beside(aside.shape[0], self.n) * self.unit[: self.n]
+            DF[tip] = self._at(aside)[1]
+        return F, DF
+
+    def _at(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         x, mult, p = self.parts(u)
         blocks = self.line.blocks(np.zeros(len(u)), x, mult, p)
         c, c_w, c_lam = self.line.constraints(np.zeros(len(u)), x, mult, p)
@@ -80,12 +103,29 @@ class Statics:
         _, c_w, c_lam = (part[0] for part in self.line.constraints(np.zeros(1), x, mult, p))
         slopes = np.zeros((self.m, len(u)))
         for j, mu in enumerate(self.system.model.multipliers):
-            if self.sides[j]:
+            if mu.kind == "disc":
+                # Of the speed of slip, or of |lambda|, whose square is the unknown.
+                own = 1.0 if self.sides[j] else -0.5 / math.sqrt(max(mult[j, 0], _UNDERFLOW))
+                slopes[j, self.n + self.J.index(j)] = own
+            elif mu.kind == "component":
+                continue
+            elif self.sides[j]:
                 by_u = np.concatenate([c_w[j, : self.n], c_lam[j, self.J], c_w[j, x.shape[0] :]])
                 slopes[j] = self.sides[j] * by_u
             elif mu.kind != "algebraic":
                 slopes[j, self.n + self.J.index(j)] = 1.0 if mu.kind == "contact" else -np.sign(mult[j, 0])
         return inside, on, slopes
+
+    def free(self, DF: np.ndarray) -> np.ndarray:
+        """Unit directions, as rows, in which the equations with these derivatives leave the unknowns free."""
+        rows = free_directions(DF[:, : self.size] * self.unit)
+        alike = [self.n + self.J.index(c) for c in idle(self.system.model)]
+        if alike and len(rows):  # at rest any direction of lambda does
+            others = np.delete(rows, alike, axis=1)
+            left, sizes, _ = np.linalg.svd(others)
+            rows = left[:, : len(sizes)][:, sizes > RANK].T @ rows
+        rows = rows * self.unit
+        return rows / np.linalg.norm(rows, axis=1, keepdims=True)
 
     def error(self, F: np.ndarray, DF: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Largest |F| relative to the terms of its derivative, (K,): a few roundings at a solution."""
@@ -93,6 +133,15 @@ class Statics:
         unit[: self.size] = self.unit
         terms = (np.abs(DF) * (unit + np.abs(u))[:, None, :]).sum(axis=2)
         return (np.abs(F) / np.where(terms > 0, terms, 1.0)).max(axis=1, initial=0.0)
+
+
+def beyond(mu: Any, side: int, value: float) -> int:
+    """The side of a multiplier beyond the border of a mode in which it has this side and, if held, this value."""
+    if mu.kind in ("contact", "disc"):
+        return 1 - side
+    if side == 0:
+        return int(np.sign(value))
+    return -side if mu.regularity == "kink" else 0
 
 
 @np.errstate(all="ignore")
@@ -138,3 +187,10 @@ def newton(statics: Statics, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.
     errors[(errors > ROUNDING) | ~np.isfinite(u).all(axis=1)] = math.inf
     u[np.abs(u) < _UNDERFLOW] = 0.0
     return u, errors, counts
+
+
+def free_directions(DF: np.ndarray) -> np.ndarray:
+    """Directions, as rows, in which the equations with these derivatives (M, N) leave the unknowns free."""
+    rows = np.abs(DF).max(axis=1, keepdims=True, initial=0.0)
+    sizes, right = np.linalg.svd(DF / np.where(rows > 0, rows, 1.0))[1:]
+    return right[np.sum(sizes > RANK * sizes.max(initial=1.0)) :]

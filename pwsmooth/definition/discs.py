@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import sympy as sp
 
-from .model import Held
+from .model import Held, Model, Multiplier
 from .pointwise import draw, value
 
 _POINTS, _BENT = 3, 1e-3
@@ -50,6 +50,17 @@ class LiftedDisc(NamedTuple):
         if is_affine(e, self.components):
             return e.xreplace({lam: Held(self.symbol, n, lam) for lam, n in direction.items()})
         return Held(self.symbol, on_sphere(e, self.components).xreplace(direction), e)
+
+
+def discs_of(model: Model) -> list[list[Multiplier]]:
+    """The multipliers of each disc of a lowered model, its own and those of its components."""
+    found: list[list[Multiplier]] = []
+    for m in model.multipliers:
+        if m.kind == "disc":
+            found.append([m])
+        elif m.kind == "component":
+            found[-1].append(m)
+    return found
 
 
 def is_affine(e: sp.Expr, components) -> bool:

@@ -17,6 +17,7 @@ from typing import Any
 import sympy as sp
 
 from ..definition import checks
+from ..definition.discs import discs_of
 from ..definition.model import Held, Model, Multiplier
 from ..definition.pointwise import draw, value
 from ..definition.views import substitutes
@@ -342,7 +343,7 @@ def _slipping(model, spread, nearest):
     multipliers: list[Multiplier] = []
     values: dict[sp.Basic, sp.Expr] = {}
     softened: dict[sp.Basic, sp.Expr] = {}
-    for disc, *components in _discs(model):
+    for disc, *components in discs_of(model):
         spreads = [spread(m.surface) for m in components]
         if not any(spreads):
             raise ValueError(
@@ -368,17 +369,6 @@ def _slipping(model, spread, nearest):
             m = Multiplier(m.symbol, "algebraic", slipping(m.symbol) - m.symbol)
         multipliers.append(m)
     return replace(model, rhs=tuple(map(slipping, model.rhs)), multipliers=tuple(multipliers))
-
-
-def _discs(model):
-    """The multipliers of each disc, its own and those of its components."""
-    found = []
-    for m in model.multipliers:
-        if m.kind == "disc":
-            found.append([m])
-        elif m.kind == "component":
-            found[-1].append(m)
-    return found
 
 
 def _flat(model, states, columns, spreads) -> None:
