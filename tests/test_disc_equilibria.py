@@ -181,3 +181,31 @@ def test_in_the_plane_of_two_forces_slip_begins_on_circles():
         curve = follow_curve(first, box)
         assert curve.kind == kind and curve.ends == ("it closes.",)
         assert np.hypot(*np.array(curve.values)) == pytest.approx(radius, abs=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_where_runs_end_there_is_an_equilibrium(seed):
+    """Two blocks and a relay, each pulling at the others: the event-driven loop is the judge."""
+    rng = np.random.default_rng(seed)
+    velocities = sp.symbols("v_1:6", real=True)
+    places = sp.symbols("z_1:6", real=True)
+    discs = Disc("a", velocities[:2]), Disc("b", velocities[2:4])
+    lams = [*discs[0].components, *discs[1].components, Switch("s", velocities[4])]
+    root = rng.normal(size=(5, 5))
+    C, force, springs = root @ root.T / 5 + 0.4 * np.eye(5), rng.normal(size=5), rng.uniform(0.5, 2, 5)
+    rates = dict(zip(places, velocities)) | {
+        velocities[i]: force[i]
+        - springs[i] * places[i]
+        - lams[i] / 2
+        - sum(C[i, j] * velocities[j] for j in range(5))
+        for i in range(5)
+    }
+    system = System(rates)
+    for _ in range(3):
+        run = solve(system, (0, 200), rng.normal(size=10) * 2)
+        end = run.x[:, -1]
+        rest = find_equilibrium(system, end)
+        assert rest.x == pytest.approx(end, abs=1e-5) and set(rest.held) == {"a", "b", "s"}
+        assert rest.free_directions.shape[0] == 5
+        stays = solve(system, (0, 20), rest.x)
+        assert stays.x[:, -1] == pytest.approx(rest.x, abs=1e-9)

@@ -9,6 +9,7 @@ from affine_equilibria import BEYOND, Affine
 
 from pwsmooth import (
     Algebraic,
+    Disc,
     Event,
     Family,
     Memory,
@@ -382,3 +383,18 @@ def test_an_equilibrium_within_rounding_below_the_zero_of_a_nonnegative_state_is
     (one,) = equilibria(tank, {level: (0, 2)})
     assert abs(one.x[0]) < 1e-15 and find_equilibrium(tank, {level: 0.1}).success
     assert solve(tank, (0, 1), one.x).success
+
+
+def test_a_start_just_beyond_the_end_of_a_set_is_led_to_its_end():
+    """A run that creeps to the end of a set stops a little beyond it, and no other equilibrium is as near."""
+    beyond = np.random.default_rng(3).uniform(1e-10, 1e-3, 20)
+    x, v, y, w = sp.symbols("x v y w", real=True)
+    block = System({x: v, v: 1 - 2 * x - Switch("lam", v) - v / 10})
+    disc = Disc("lam", (v, w))
+    plate = System({x: v, y: w, v: 1 - 2 * x - disc[0] - v / 10, w: -3 * y - disc[1] - w / 10})
+    for far in beyond:
+        end = find_equilibrium(block, {x: 1 + far, v: 0})
+        assert end.x == pytest.approx([1, 0], abs=1e-12) and end.multipliers["lam"] == -1
+        end = find_equilibrium(plate, {x: 0.5 + 0.3 * (1 + far), y: -0.8 / 3 * (1 + far), v: 0, w: 0})
+        assert end.x == pytest.approx([0.8, -0.8 / 3, 0, 0], abs=far) and end.held == ("lam",)
+        assert np.linalg.norm(end.mult[1:]) == pytest.approx(1, abs=1e-9)

@@ -20,13 +20,14 @@ import numpy as np
 
 from ..definition import checks
 from .equilibrium import Equilibrium, made
-from .equilibrium_modes import autonomous, beside_exact, ends_set, fits, modes, same
+from .equilibrium_modes import autonomous, beside_exact, fits, modes, same, set_ending_at
 from .statics import MOST_NEWTON, RANK, ROUNDING, Sides, Statics, beyond, free_directions, newton
 
 __all__ = ["equilibria", "find_equilibrium"]
 
 _MOST_MODES = 4096
 _BATCH = 256  # starts of Newton's method at once
+_JUST_BEYOND = 1e-3  # of a multiplier beyond its bound
 _MOST_BATCHES = 8  # of a mode that goes on giving new solutions
 
 
@@ -113,7 +114,7 @@ def equilibria(
         for e in _of_mode(Statics(system, mode, memories, unit=unit), low, high, starts, virtual, seeds):
             if not any(same(one, e, unit) for one in found):
                 found.append(e)
-    found = [e for e in found if not ends_set(e, found)]
+    found = [e for e in found if set_ending_at(e, found) is None]
     return sorted(found, key=lambda e: (bool(e.virtual), e.held != (), *e.x, *e.mult))
 
 
@@ -273,7 +274,8 @@ def find_equilibrium(system: Any, x0: Any, *, sides: Any = None, virtual: bool =
             tried(mode)
     else:
         _pivoted(system, start, options, tried)
-    found = [one for one in found if not ends_set(one[-1], [e for *_, e in found])]
+    every = [e for *_, e in found]
+    found = [(far, off, set_ending_at(e, every) or e) for far, off, e in found]
     order = sorted(
         found, key=lambda one: (round(one[0], 8), one[1], not one[2].stable, np.abs(one[2].mult).sum())
     )
@@ -328,13 +330,25 @@ def _from(x: np.ndarray, statics: Statics, guesses: Mapping[int, float]) -> np.n
     if not statics.J:
         return u
     # A start within a set of equilibria, of a block that sticks there, stays: the multipliers alone are solved for.
-    still = u.copy()
+    still = _partly(statics, u, slice(statics.n, None))
+    if still is None:
+        return u
+    # One just beyond its end, with a multiplier beyond its bound, is moved there: the states alone are solved for.
+    bounded = statics.bounded(still)
+    beyond = np.abs(bounded - still).max(axis=1)
+    ends = _partly(statics, bounded[(beyond > 0) & (beyond < _JUST_BEYOND)], slice(statics.n))
+    return np.concatenate([still, u] if ends is None else [still, ends, u])
+
+
+def _partly(statics: Statics, u: np.ndarray, part: slice) -> np.ndarray | None:
+    """The rows of u after Newton's method in a part of the unknowns; None where the equations are not defined."""
+    u = u.copy()
     for _ in range(MOST_NEWTON):
-        F, DF = statics(still)
+        F, DF = statics(u)
         if not (np.isfinite(F).all() and np.isfinite(DF).all()):
-            return u
-        step = (np.linalg.pinv(DF[:, :, statics.n :], rcond=RANK) @ F[:, :, None])[:, :, 0]
-        still[:, statics.n :] -= step
-        if np.all(np.abs(step) <= ROUNDING * (1 + np.abs(still[:, statics.n :]))):
+            return None
+        step = (np.linalg.pinv(DF[:, :, part], rcond=RANK) @ F[:, :, None])[:, :, 0]
+        u[:, part] -= step
+        if np.all(np.abs(step) <= ROUNDING * (1 + np.abs(u[:, part]))):
             break
-    return np.concatenate([still, u])
+    return u

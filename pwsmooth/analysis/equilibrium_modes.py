@@ -14,7 +14,7 @@ from ..definition import checks
 from ..definition.pointwise import value
 from ..paths.linearised import linearise
 from .disc_modes import idle, in_mode, places
-from .equilibrium import Equilibrium
+from .equilibrium import Equilibrium, made
 from .equilibrium_stability import sigmoid_inverse
 from .sections import depends_on_time
 from .statics import ROUNDING, Statics
@@ -85,18 +85,22 @@ def fits(system: Any, x: np.ndarray) -> bool:
     return all(checks.fits(s, value) or checks.is_zero_of(s, value) for s, value in values)
 
 
-def ends_set(e: Equilibrium, found: list[Equilibrium]) -> bool:
-    """Whether an equilibrium of a side, on its surface, is the end of a set that is held there."""
-    if not e.border or not e.isolated:
-        return False
+def set_ending_at(e: Equilibrium, found: list[Equilibrium]) -> Equilibrium | None:
+    """An equilibrium of a side, on its surface, as one of the set that is held there and ends in it; None if none."""
+    if not e.border:
+        return None
     memories = e.x[len(e.x) - e.system.model.n_memory :]
     for sides in {one.sides for one in found if not one.isolated}:
-        own = [a for a, b in zip(e.sides, sides) if a != b]
+        own = [j for j, (a, b) in enumerate(zip(e.sides, sides)) if a != b]
+        # The end of a disc's set is a set itself: slips without speed, in any direction.
+        if not (e.isolated or all(e.system.model.multipliers[j].kind == "disc" for j in own)):
+            continue
         statics = Statics(e.system, sides, memories)
         u = statics.unknowns(e.x, e.mult)[None]
-        if own and all(own) and statics.error(*statics(u), u)[0] <= 1e3 * ROUNDING:
-            return True
-    return False
+        error = statics.error(*statics(u), u)[0]
+        if own and all(e.sides[j] for j in own) and error <= 1e3 * ROUNDING:
+            return made(statics, u[0], error, e.steps, e.system)
+    return None
 
 
 def beside_exact(system: Any, found: Any) -> np.ndarray:

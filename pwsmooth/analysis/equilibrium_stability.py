@@ -215,7 +215,10 @@ def _layer(
         g = line.blocks(*_point(x, mult), p).g_lam[0]
         square = g[np.ix_(S, S)]
         if K:
-            square = square - g[np.ix_(S, K)] @ np.linalg.solve(g[np.ix_(K, K)], g[np.ix_(K, S)])
+            try:
+                square = square - g[np.ix_(S, K)] @ np.linalg.solve(g[np.ix_(K, K)], g[np.ix_(K, S)])
+            except np.linalg.LinAlgError:  # a slip without speed has no direction of its own
+                return np.full_like(square, np.nan)
         return speed @ square
     functions = _layered(model)
     z = [float(np.ravel(f(0.0, *x, *mult, *p))[0]) for f in functions[0]]

@@ -18,7 +18,7 @@ import numpy as np
 import sympy as sp
 
 from ..paths.linearised import linearise
-from .disc_modes import Sides, along_slip, completed, idle, in_mode, unknowns
+from .disc_modes import Sides, along_slip, completed, idle, in_mode, places, unknowns
 from .equilibrium_stability import beside, margins
 
 MOST_NEWTON = 60
@@ -71,6 +71,20 @@ class Statics:
         x, mult, p = self.parts(u)
         u = u.copy()
         u[:, self.n : self.size] = along_slip(self.line, self.sides, x, mult, p, against)[self.J].T
+        return u
+
+    def bounded(self, u: np.ndarray) -> np.ndarray:
+        """The rows of u with what is held within its bounds: lambda in [-1, 1] or the unit disc, reactions >= 0."""
+        u, multipliers = u.copy(), self.system.model.multipliers
+        held = {j: k for k, j in enumerate(self.J, self.n) if self.sides[j] == 0}
+        for j, k in held.items():
+            if multipliers[j].kind in ("switch", "contact"):
+                u[:, k] = u[:, k].clip(*((0.0, None) if multipliers[j].kind == "contact" else (-1.0, 1.0)))
+        for own, parts in places(self.system.model):
+            if own in held:
+                size = np.maximum(np.linalg.norm(u[:, [held[j] for j in parts]], axis=1, keepdims=True), 1.0)
+                u[:, [held[j] for j in parts]] /= size
+                u[:, held[own]] = (u[:, [held[j] for j in parts]] ** 2).sum(axis=1)
         return u
 
     def __call__(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
