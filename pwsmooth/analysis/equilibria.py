@@ -260,10 +260,17 @@ def find_equilibrium(system: Any, x0: Any, *, sides: Any = None, virtual: bool =
         if len(seeds):
             first = np.concatenate([seeds, first])
         u, errors, steps = newton(statics, first)
-        these = [made(statics, u[k], errors[k], steps[k], system) for k in np.flatnonzero(np.isfinite(errors))]
-        for e in these:
-            if fits(system, e.x) and not any(same(e, other) for *_, other in found):
-                far = float(np.linalg.norm((e.x - start) / (1 + np.abs(start))))
+        distances = np.linalg.norm((u[:, :n] - start[:n]) / (1 + np.abs(start[:n])), axis=1).round(8)
+        these: list[Equilibrium] = []
+        for k in sorted(np.flatnonzero(np.isfinite(errors)), key=lambda k: distances[k]):
+            far = float(distances[k])
+            if these and far > min((far for far, _, e in found if e.admissible), default=math.inf):
+                break  # another one is nearer; of a set there are many
+            e = made(statics, u[k], errors[k], steps[k], system)
+            these.append(e)
+            # At its end a set has a point in common with another mode, which need not know that there is a set.
+            alike = (other for *_, other in found if e.isolated or e.sides == other.sides)
+            if fits(system, e.x) and not any(same(e, other) for other in alike):
                 off = max((abs(e.mult[j] - guess) for j, guess in guesses.items()), default=0.0)
                 found.append((far, off, e))
         return these
@@ -276,9 +283,7 @@ def find_equilibrium(system: Any, x0: Any, *, sides: Any = None, virtual: bool =
         _pivoted(system, start, options, tried)
     every = [e for *_, e in found]
     found = [(far, off, set_ending_at(e, every) or e) for far, off, e in found]
-    order = sorted(
-        found, key=lambda one: (round(one[0], 8), one[1], not one[2].stable, np.abs(one[2].mult).sum())
-    )
+    order = sorted(found, key=lambda one: (one[0], one[1], not one[2].stable, np.abs(one[2].mult).sum()))
     admissible = [e for *_, e in order if e.admissible]
     if admissible:
         return admissible[0]
