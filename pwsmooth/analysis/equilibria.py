@@ -46,8 +46,8 @@ def equilibria(
         Autonomous: exact, layered or smoothed.
     box : mapping of state to (float, float)
         The lowest and the highest value of every state, in its unit.
-    sides : mapping of switch or contact to {1, -1, 0}, optional
-        Only modes in which these are on that side; 0: held on the surface, a closed contact.
+    sides : mapping of switch, disc or contact to {1, -1, 0}, optional
+        Only modes in which these are on that side (a disc slips: 1); 0: held on the surface, a closed contact.
     virtual : bool
         Whether virtual ones are given too: of a field beyond its surface, of lambda beyond [-1, 1], of a reaction < 0.
     starts : int
@@ -200,8 +200,8 @@ def find_equilibrium(system: Any, x0: Any, *, sides: Any = None, virtual: bool =
         Autonomous: exact, layered or smoothed.
     x0 : mapping or sequence of float, length n
         First guess, in the units of the states; a mapping may name multipliers too, to choose between several lambda.
-    sides : mapping of switch or contact to {1, -1, 0}, optional
-        Only modes in which these are on that side; 0: held on the surface, a closed contact.
+    sides : mapping of switch, disc or contact to {1, -1, 0}, optional
+        Only modes in which these are on that side (a disc slips: 1); 0: held on the surface, a closed contact.
     virtual : bool
         Whether a virtual one will do where no admissible one is found.
 
@@ -340,8 +340,8 @@ def _from(x: np.ndarray, statics: Statics, guesses: Mapping[int, float]) -> np.n
         return u
     # One just beyond its end, with a multiplier beyond its bound, is moved there: the states alone are solved for.
     bounded = statics.bounded(still)
-    beyond = np.abs(bounded - still).max(axis=1)
-    ends = _partly(statics, bounded[(beyond > 0) & (beyond < _JUST_BEYOND)], slice(statics.n))
+    past = np.abs(bounded - still).max(axis=1)
+    ends = _partly(statics, bounded[(past > 0) & (past < _JUST_BEYOND)], slice(statics.n))
     return np.concatenate([still, u] if ends is None else [still, ends, u])
 
 

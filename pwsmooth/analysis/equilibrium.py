@@ -90,7 +90,7 @@ class Equilibrium(Described):
 
     @property
     def kind(self) -> str:
-        """ "regular", "pseudo-equilibrium" where a switch is held, "rest on a contact" where one is closed alone."""
+        """ "regular", "pseudo-equilibrium" where a switch or disc is held, "rest on a contact" where one is closed."""
         pairs = zip(self.system.model.multipliers, self.sides)
         kinds = {mu.kind for mu, side in pairs if side == 0}
         if kinds & {"switch", "disc"}:

@@ -89,7 +89,7 @@ def linear_at(system: Any, x: np.ndarray, mult: np.ndarray, sides: tuple[int, ..
     own = {j: [j] for j in kinks} | {j: parts for j, parts in places(model) if j in kinks}
     J = [j for j in J if not any(j == kink or j in parts for kink, parts in own.items())]
     matrix, along = _on_manifold(line, x, mult, p, n, J)
-    if not np.isfinite(matrix).all():  # the tip of a cone |v|, perhaps
+    if not np.isfinite(line.blocks(*_point(x, mult), p).f_w).all():  # the tip of a cone |v|
         around = [_on_manifold(line, x + np.pad(step, (0, len(x) - n)), mult, p, n, J) for step in beside(8, n)]
         slopes = [basis @ slope @ basis.T for slope, basis in around]
         matrix, along = around[0]
