@@ -5,7 +5,7 @@ import pytest
 import sympy as sp
 from scipy.optimize import brentq
 
-from pwsmooth import Disc, Switch, System, equilibria, find_equilibrium, follow, follow_curve, solve
+from pwsmooth import Disc, Switch, System, equilibria, find_equilibrium, follow, follow_curve, manifold, solve
 
 x, y, u, v, w = sp.symbols("x y u v w", real=True)
 F, V, a = sp.symbols("F V a", real=True)
@@ -209,3 +209,13 @@ def test_where_runs_end_there_is_an_equilibrium(seed):
         assert rest.free_directions.shape[0] == 4 + ("s" in rest.held)
         stays = solve(system, (0, 20), rest.x)
         assert stays.x[:, -1] == pytest.approx(rest.x, abs=1e-9)
+
+
+def test_curves_from_a_saddle_in_slip():
+    saddle = find_equilibrium(System({u: 0.5 - lam[0] + u / 2, v: -lam[1] - v}), {u: 1.1, v: 0.1})
+    assert saddle.x == pytest.approx([1, 0]) and saddle.eigenvalues == pytest.approx([0.5, -2])
+    arms = manifold(saddle, "unstable", length=3).arms
+    ends = sorted((arm.points[:, -1] for arm in arms), key=lambda p: p[0])
+    assert ends[0] == pytest.approx([0, 0], abs=1e-9) and ends[1][0] > 2
+    with pytest.raises(ValueError, match="curves that run backward or across a surface of a system with a disc"):
+        manifold(saddle, "stable", length=3)

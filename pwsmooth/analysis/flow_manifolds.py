@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from ..definition import checks
 from ..paths.backward import where_it_ends
 from ..paths.linearised import linearise, rates
 from ..results.records import Outcome
@@ -48,6 +49,8 @@ def arms_of_equilibrium(e: Equilibrium, stable: bool, rules: Rules) -> list[Arm]
             f"{', '.join(f'{mu:.3g}' for mu in values)}; {len(across)} directions across its surfaces); only curves "
             "are drawn: give a saddle with one direction on that side."
         )
+    if stable or across:
+        checks.without_discs(e.system.model, f"the {name} curves that run backward or across a surface")
     starts: list[tuple[np.ndarray, str]] = []
     if along:
         matrix, basis = e.linear.matrix, e.linear.along
