@@ -219,3 +219,14 @@ def test_curves_from_a_saddle_in_slip():
     assert ends[0] == pytest.approx([0, 0], abs=1e-9) and ends[1][0] > 2
     with pytest.raises(ValueError, match="curves that run backward or across a surface of a system with a disc"):
         manifold(saddle, "stable", length=3)
+
+
+def test_on_a_belt_slip_ends_along_lines():
+    belt = Disc("m", (u - V, v))
+    system = System({u: F - belt[0] - u / 2, v: -belt[1] - v}, parameters={F: 3, V: 1})
+    first = follow(find_equilibrium(system, {u: 4, v: 0}), F, to=0).bifurcations[0]
+    assert first.parameter == pytest.approx(1.5, abs=1e-9) and first.what == "the slip of m ends: it is held"
+    curve = follow_curve(first, {F: (0, 3), V: (-2, 2)})
+    forces, speeds = np.array(curve.values)
+    assert forces == pytest.approx(1 + speeds / 2, abs=1e-9) and np.ptp(speeds) > 3
+    assert not curve.points  # slip and stick stay regular and stable all along

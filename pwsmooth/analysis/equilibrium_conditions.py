@@ -236,7 +236,7 @@ class Boundary(EquilibriumCondition):
                                                   float(sides[self.j]))  # fmt: skip
         sides[self.j] = self.new
         there = Statics2(old.system, tuple(sides), old.memories, old.names)
-        u = np.concatenate([there.unknowns(x, mult), spot.u[old.size :]])
+        u = np.concatenate([there.unknowns(x, mult, old.parts(spot.u[None])[2]), spot.u[old.size :]])
         DF = there(u[None])[1][0]
         return Spot(there, u, DF, spot.system) if np.isfinite(DF).all() else None
 

@@ -61,9 +61,9 @@ class Statics:
             p[self.place] = u[0, -1]  # of one row only
         return x, mult, p
 
-    def unknowns(self, x: np.ndarray, mult: np.ndarray) -> np.ndarray:
-        """u (size,) at the states (n,) and the multipliers (m,) of an equilibrium."""
-        mult = completed(self.line, self.sides, x[:, None], mult[:, None], self.p)[:, 0]
+    def unknowns(self, x: np.ndarray, mult: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
+        """u (size,) at the states (n,) and the multipliers (m,) of an equilibrium, and at other parameters."""
+        mult = completed(self.line, self.sides, x[:, None], mult[:, None], self.p if p is None else p)[:, 0]
         return np.concatenate([x[: self.n], mult[self.J]])
 
     def along_slip(self, u: np.ndarray, against: Any = False) -> np.ndarray:
