@@ -229,4 +229,4 @@ def test_on_a_belt_slip_ends_along_lines():
     curve = follow_curve(first, {F: (0, 3), V: (-2, 2)})
     forces, speeds = np.array(curve.values)
     assert forces == pytest.approx(1 + speeds / 2, abs=1e-9) and np.ptp(speeds) > 3
-    assert not curve.points  # slip and stick stay regular and stable all along
+    assert not curve.points and len(curve.equilibria) < 200

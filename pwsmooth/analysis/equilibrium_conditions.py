@@ -25,7 +25,7 @@ import numpy as np
 
 from ..paths.linearised import linearise
 from .disc_modes import in_mode
-from .equilibrium_stability import Linear, linear_at, lyapunov_coefficient, sigmoid_slope
+from .equilibrium_stability import Linear, layer_at, linear_at, lyapunov_coefficient, sigmoid_slope
 from .statics import Statics
 
 HOPF = ("Hopf", "sliding Hopf")
@@ -77,6 +77,10 @@ class Spot:
     @property
     def linear(self) -> Linear:
         return linear_at(self.system, *self.state, self.statics.sides)
+
+    @property
+    def layer(self) -> np.ndarray:
+        return layer_at(self.system, *self.state, self.statics.sides)
 
 
 class EquilibriumCondition:
@@ -193,7 +197,7 @@ class Layer(EquilibriumCondition):
     @staticmethod
     def _layer(spot: Spot) -> np.ndarray:
         model, (_, mult) = spot.system.model, spot.state
-        slope, layer = sigmoid_slope(model.sigmoid), spot.linear.layer.copy()
+        slope, layer = sigmoid_slope(model.sigmoid), spot.layer.copy()
         held = [j for j in spot.statics.J if model.multipliers[j].kind == "switch"]
         for k, j in enumerate(held[: len(layer)]):
             layer[k] /= slope(mult[j]) if abs(mult[j]) < 1 else 1.0
@@ -248,6 +252,8 @@ class Boundary(EquilibriumCondition):
             square = one.DF[:, : one.statics.size]
             size = 1 + np.linalg.norm(square, axis=1)
             found[f"{BOUNDARY} + fold{place}"] = float(np.linalg.det(square / size[:, None]))
+            if one.statics.system.model.multipliers[self.j].kind == "disc" and one.statics.sides[self.j]:
+                continue  # a slip without speed is led along the force at an infinite rate
             mu = one.linear.eigenvalues
             if len(mu) > 1 and np.isfinite(mu).all():
                 found[f"{BOUNDARY} + Hopf{place}"] = pairs(mu)

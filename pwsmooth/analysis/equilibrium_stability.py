@@ -76,10 +76,8 @@ def signs(values: np.ndarray) -> tuple[int, int, int]:
 def linear_at(system: Any, x: np.ndarray, mult: np.ndarray, sides: tuple[int, ...]) -> Linear:
     """The linear part at a point (n,), (m,) of a mode."""
     model = system.model
-    line = linearise(in_mode(model, sides))
-    p = np.array(system.parameter_values, float)
+    line, mult, p = _in_its_mode(system, x, mult, sides)
     n = len(model.states) - model.n_memory
-    mult = completed(line, sides, x[:, None], mult[:, None], p)[:, 0]
     J = unknowns(model, sides)
     inside, on = margins(line, x, mult, p, sides)
     met = np.flatnonzero(np.abs(inside) <= on).tolist()
@@ -89,7 +87,8 @@ def linear_at(system: Any, x: np.ndarray, mult: np.ndarray, sides: tuple[int, ..
     own = {j: [j] for j in kinks} | {j: parts for j, parts in places(model) if j in kinks}
     J = [j for j in J if not any(j == kink or j in parts for kink, parts in own.items())]
     matrix, along = _on_manifold(line, x, mult, p, n, J)
-    if not np.isfinite(line.blocks(*_point(x, mult), p).f_w).all():  # the tip of a cone |v|
+    if not (np.isfinite(matrix).all() or np.isfinite(line.blocks(*_point(x, mult), p).f_w).all()):
+        # The tip of a cone |v|, which has no derivative.
         around = [_on_manifold(line, x + np.pad(step, (0, len(x) - n)), mult, p, n, J) for step in beside(8, n)]
         slopes = [basis @ slope @ basis.T for slope, basis in around]
         matrix, along = around[0]
@@ -115,10 +114,20 @@ def linear_at(system: Any, x: np.ndarray, mult: np.ndarray, sides: tuple[int, ..
             )
     if not np.isfinite(matrix).all():
         undecided = undecided or "dg/dlambda = 0 for what is held: the sliding flow has no slope there"
-    layer = _layer(
-        line, x, mult, p, [j for j in held(model, sides) if model.multipliers[j].regularity == "sliding"], J
-    )
-    return Linear(matrix, along, layer, undecided)
+    return Linear(matrix, along, _layer(line, x, mult, p, sides, J), undecided)
+
+
+def layer_at(system: Any, x: np.ndarray, mult: np.ndarray, sides: tuple[int, ...]) -> np.ndarray:
+    """The Jacobian of the layer alone, (k, k), at a point (n,), (m,) of a mode."""
+    line, mult, p = _in_its_mode(system, x, mult, sides)
+    return _layer(line, x, mult, p, sides, unknowns(system.model, sides))
+
+
+def _in_its_mode(
+    system: Any, x: np.ndarray, mult: np.ndarray, sides: tuple[int, ...]
+) -> tuple[Linearised, np.ndarray, np.ndarray]:
+    line, p = linearise(in_mode(system.model, sides)), np.array(system.parameter_values, float)
+    return line, completed(line, sides, x[:, None], mult[:, None], p)[:, 0], p
 
 
 def _differ(slope: np.ndarray, matrix: np.ndarray) -> bool:
@@ -201,10 +210,11 @@ def _border(mu: Any, side: int, value: float) -> str:
 
 
 def _layer(
-    line: Linearised, x: np.ndarray, mult: np.ndarray, p: np.ndarray, S: list[int], J: list[int]
+    line: Linearised, x: np.ndarray, mult: np.ndarray, p: np.ndarray, sides: tuple[int, ...], J: list[int]
 ) -> np.ndarray:
     """The Jacobian L of the layer, in the first switch's eps; with layered states theirs below."""
     model = line.model
+    S = [j for j in held(model, sides) if model.multipliers[j].regularity == "sliding"]
     S = [j for j in S if model.multipliers[j].residual != model.multipliers[j].surface]
     if not S:
         return np.zeros((0, 0))
