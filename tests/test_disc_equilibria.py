@@ -217,7 +217,9 @@ def test_curves_from_a_saddle_in_slip():
     arms = manifold(saddle, "unstable", length=3).arms
     ends = sorted((arm.points[:, -1] for arm in arms), key=lambda p: p[0])
     assert ends[0] == pytest.approx([0, 0], abs=1e-9) and ends[1][0] > 2
-    with pytest.raises(ValueError, match="curves that run backward or across a surface of a system with a disc"):
+    with pytest.raises(
+        ValueError, match="curves that run backward or across a surface of a system with a disc"
+    ):
         manifold(saddle, "stable", length=3)
 
 

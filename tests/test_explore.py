@@ -669,6 +669,40 @@ def test_a_page_that_only_looks_changes_nothing(oscillator, monkeypatch):
                 opening.stated(oscillator, wrong)
 
 
+def test_a_law_may_take_longer_to_compile_than_a_picture(oscillator, monkeypatch):
+    """What waits behind it was taken for late, and the process ended in the midst of it."""
+    started = []
+
+    class Slow:
+        def __init__(self, target, subject, heard):
+            self.asked, self.process = None, SimpleNamespace(is_alive=lambda: True)
+            started.append(self)
+
+        def send(self, message, awaited=True):
+            self.asked = time.monotonic() - 1000 if awaited else None
+
+        def end(self): ...
+
+    monkeypatch.setattr(processes, "Process", Slow)
+    told = []
+    workers = processes.Workers(oscillator, told.append)
+    workers._from_live(frames.pack({"kind": "ready"}))
+    live = workers.live
+    workers.message({"kind": "view", "law": "LuGre"})
+    workers.message({"kind": "sentence"})
+    workers.watch()
+    assert workers.live is live
+    for end in (
+        {"kind": "scene", "states": ["y"]},
+        {"kind": "refused", "why": 300 * "no ", "seq": 3, "to": "view"},
+    ):
+        workers.opening = True
+        workers._from_live(frames.pack(end))
+        assert not workers.opening
+    workers.watch()  # and now it is late
+    assert workers.live is not live and b"did not answer within" in told[-1]
+
+
 def test_four_pages_are_the_most(served):
     from websockets.exceptions import ConnectionClosed
 

@@ -66,7 +66,7 @@ class Workers:
 
     def __init__(self, subject: Subject, heard: Callable[[bytes], None], link: str = "") -> None:
         self.subject, self.heard = subject, heard
-        self.ready, self.over, told = False, False, ""
+        self.ready, self.opening, self.over, told = False, False, False, ""
         self.view: Mapping[str, Any] = {}  # the state, or the message that asked for another law or view
         try:
             self.view = self._allowed({"kind": "view", **decoded(link)}) if link else {}
@@ -78,6 +78,7 @@ class Workers:
         self._start_live(told)
 
     def _start_live(self, told: str = "") -> None:
+        self.opening = False
         begin = functools.partial(worker.live, asked=self.view, told=told)
         self.live = Process(begin, self.subject, self._from_live)
 
@@ -91,6 +92,8 @@ class Workers:
         if not self.ready and b'"kind":"ready"' in frame[:100]:
             self.ready = True
             self._start_maps()  # after the first: both would compile the same
+        if b'"kind":"scene"' in frame[:100] or b'"to":"view"' in frame[:2000]:
+            self.opening = False
         self.heard(frame)
 
     def _start_maps(self) -> Process | None:
@@ -110,7 +113,7 @@ class Workers:
                 maps.send(message, awaited=False)
             return
         if kind == "view":
-            self.view = message
+            self.view, self.opening = message, True
             if self.maps is not None:
                 self.maps.send(message, awaited=False)
         elif kind == "orbit":
@@ -121,7 +124,9 @@ class Workers:
         """End the sliders' process where it is late, and start it anew; to be called a few times a second."""
         asked, limit = self.live.asked, _GRACE * LIMITS["seconds"]
         dead = not self.live.process.is_alive()
-        if self.over or not (dead or (self.ready and asked is not None and time.monotonic() - asked > limit)):
+        # Another law or view is compiled first, which may take a minute.
+        late = self.ready and not self.opening and asked is not None and time.monotonic() - asked > limit
+        if self.over or not (dead or late):
             return
         old, self.ready = self.live, False
         old.end()

@@ -204,7 +204,9 @@ class App {
   // A scene has come: the first one, or one in another view or with another law, with the state to begin with.
   open(scene) {
     this.scene = scene;
-    this.state = this.kept || scene.state;
+    // What was shown when a process ended is kept, but not under another law.
+    const same = ["law", "view"].every((key) => this.kept?.[key] === scene.state[key]);
+    this.state = same ? this.kept : scene.state;
     this.kept = null;
     this.ghosts = [];
     this.locked = scene.locked; // what the page looks at, and does not change
