@@ -205,8 +205,8 @@ class App {
   open(scene) {
     this.scene = scene;
     // What was shown when a process ended is kept, but not under another law.
-    const same = ["law", "view"].every((key) => this.kept?.[key] === scene.state[key]);
-    this.state = same ? this.kept : scene.state;
+    const { kept: k } = this, { state: s } = scene;
+    this.state = k?.law === s.law && k.view === s.view ? k : s;
     this.kept = null;
     this.ghosts = [];
     this.locked = scene.locked; // what the page looks at, and does not change
