@@ -82,9 +82,9 @@ class Statics:
                 u[:, k] = u[:, k].clip(*((0.0, None) if multipliers[j].kind == "contact" else (-1.0, 1.0)))
         for own, parts in places(self.system.model):
             if own in held:
-                size = np.maximum(np.linalg.norm(u[:, [held[j] for j in parts]], axis=1, keepdims=True), 1.0)
-                u[:, [held[j] for j in parts]] /= size
-                u[:, held[own]] = (u[:, [held[j] for j in parts]] ** 2).sum(axis=1)
+                columns = [held[j] for j in parts]
+                u[:, columns] /= np.maximum(np.linalg.norm(u[:, columns], axis=1, keepdims=True), 1.0)
+                u[:, held[own]] = (u[:, columns] ** 2).sum(axis=1)
         return u
 
     def __call__(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

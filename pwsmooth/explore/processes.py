@@ -92,9 +92,10 @@ class Workers:
         if not self.ready and b'"kind":"ready"' in frame[:100]:
             self.ready = True
             self._start_maps()  # after the first: both would compile the same
-        if b'"kind":"scene"' in frame[:100] or b'"to":"view"' in frame[:2000]:
-            self.opening = False
-        self.heard(frame)
+        # Another law or view is compiled first, which may take a minute; the page has said so already.
+        self.opening = b'"kind":"opening"' in frame[:100]
+        if not self.opening:
+            self.heard(frame)
 
     def _start_maps(self) -> Process | None:
         with self._lock:
@@ -113,7 +114,7 @@ class Workers:
                 maps.send(message, awaited=False)
             return
         if kind == "view":
-            self.view, self.opening = message, True
+            self.view = message
             if self.maps is not None:
                 self.maps.send(message, awaited=False)
         elif kind == "orbit":
@@ -124,7 +125,6 @@ class Workers:
         """End the sliders' process where it is late, and start it anew; to be called a few times a second."""
         asked, limit = self.live.asked, _GRACE * LIMITS["seconds"]
         dead = not self.live.process.is_alive()
-        # Another law or view is compiled first, which may take a minute.
         late = self.ready and not self.opening and asked is not None and time.monotonic() - asked > limit
         if self.over or not (dead or late):
             return

@@ -46,6 +46,7 @@ def live(pipe: Any, subject: Subject, asked: Mapping[str, Any], told: str = "") 
             elif kind == "code":
                 header, arrays = {"kind": "code", "text": script(current.subject, message)}, {}
             elif kind == "view":
+                pipe.send_bytes(pack({"kind": "opening"}))
                 current = _opened(subject, message, pipe)
                 continue
             else:
