@@ -167,7 +167,9 @@ class Onset(Bundle):
     y: "f8[8, onset]"  # states at the nodes
     k: "f8[8, onset]"  # rates
     slope: "f8[8, onset, onset]"  # their derivatives by the states
-    matrix: "f8[8*onset, 8*onset + 1]"  # of Newton's method, factored, and the order of its rows
+    matrix: "f8[8*onset, 8*onset + 1]"  # of Newton's method, by columns, then its upper factor; the order of its rows
+    lower: "f8[8*onset, 8*onset + 1]"  # its lower factor, and 1 over the diagonal of the upper one
+    inverse: "f8[m, 3]"  # of dG/dlambda of each disc at the start, in the rows of its components
     rest: "f8[8*onset]"  # its right-hand side
     found: "f8[8*onset]"  # and solution
     change: "f8[onset, 8]"  # by which all states at the nodes change
@@ -299,7 +301,7 @@ class Work(Bundle):
     G: "f8[entries]"  # entries of the sparse dg/dmult
     dh: "f8[gradients]"  # entries of the sparse gradients of the surfaces, then (m + ne) derivatives by time
     mask: "i8[m]"  # multipliers that are solved for
-    disc: "f8[4, 5]"  # small matrices of a disc
+    disc: "f8[4, 6]"  # small matrices of a disc
     closing_t: "float"  # see step/closing.py
     closing_x: "f8[n]"
     closing_mult: "f8[m]"

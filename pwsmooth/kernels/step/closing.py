@@ -13,9 +13,11 @@ from ..machine.pointers import call_fields, call_newton
 from ..state import DISC
 from ..surface.pair import DEGREE, STAGES, errors, interpolant, stage_point
 from ..surface.sliding import INSIDE, mask_solved
+from ..surface.vector import pushes_back, slopes_of_disc
 from .recording import keep_dense, sample
 
-_TOLERANCE, _DIRECTION = 1e-8, 1e-6  # of the time, and what is enough of the direction at its end
+_LEAST, _MOST = 1e-8, 1e-6  # tolerance of the time
+_DIRECTION = 1e-6  # what is enough of a direction at its end that decides
 _CLOSED = -16.0  # of log(r/r1): what is left does not matter
 _STRAIGHT = 1e-5  # of the angle off the direction in which it ends
 _BENT = 1e-9  # of n.G, what that takes from it
@@ -73,15 +75,15 @@ def _closing_rates(P, S, W, j, size, y, out, stage):
 
 
 @kernel
-def _step_error(W, d, n, step):
-    """The error of the step just made; that of the direction matters less as less is left."""
+def _step_error(W, d, n, step, tolerance, enough):
+    """The error of the step just made; that of the direction matters less as less is left, until it is `enough`."""
     y, k, fifth, third = W.closing_y, W.closing_k, 0.0, 0.0
-    direction = min(_DIRECTION, _TOLERANCE * math.exp(-min(y[_LOG], 0.0)))
+    direction = min(enough, tolerance * math.exp(-min(y[_LOG], 0.0)))
     for i in range(_X + n):
         if d <= i < _LOG:
             continue
         e5, e3 = errors(k, i)
-        scale = direction if i <= _LOG else _TOLERANCE
+        scale = direction if i <= _LOG else tolerance
         fifth, third = max(fifth, abs(e5) / scale), max(third, abs(e3) / scale)
         if not fifth + third < math.inf:
             return math.inf
@@ -207,6 +209,9 @@ def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
     `leaves` them, states on the way are kept where they are asked for; W.step is overwritten.
     """
     d, n, y, new, k = P.dim[j], P.n, W.closing_y, W.closing_new, W.closing_k
+    # Where several sticks and slips go on from h = 0, the direction in which it comes decides.
+    decides = P.hidden[j + 1] != 0 or slopes_of_disc(P, S, W, j) == 0.0 or not pushes_back(P, W, j)
+    enough, relative = _DIRECTION if decides else 1.0, min(max(_LEAST, _STEADY * tolerance / size), _MOST)
     mask_solved(P, S, W)
     W.layer.masked = 0
     for i in range(P.m):
@@ -236,7 +241,7 @@ def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
         for s in range(1, STAGES + 1):
             stage_point(y, k, s, _X + n, step, new)
             along = _closing_rates(P, S, W, j, size, new, k, s)
-        error = _step_error(W, d, n, step)
+        error = _step_error(W, d, n, step, relative, enough)
         if not error <= 1.0:
             along = before
             step = next_step(step, error)
@@ -254,10 +259,14 @@ def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
             W.step.mult[i] = S.mult[i]
         # Along a direction that it no longer leaves, and at a rate that it keeps, the rest is a line.
         angle, change = turns / (W.layer.pace * pull), abs(along - before) / (step * abs(k[0, _LOG]))
-        straight = angle <= _STRAIGHT and angle * angle * pull <= _BENT * abs(along)
-        straight = straight and change * size * math.exp(y[_LOG]) <= _STEADY * tolerance * abs(along)
+        left, worth = size * math.exp(y[_LOG]), _STEADY * tolerance * abs(along)
+        if decides:
+            straight = angle <= _STRAIGHT and angle * angle * pull <= _BENT * abs(along)
+        else:
+            straight = angle * left * pull <= worth
+        straight = straight and change * left <= worth
         if along < 0.0 and (straight or y[_LOG] < _CLOSED):
-            _rest_of_line(P, C, S, R, W, j, size * math.exp(y[_LOG]) / -along, leaves)
+            _rest_of_line(P, C, S, R, W, j, left / -along, leaves)
             return S.t < latest
         step = next_step(step, error)
     return False

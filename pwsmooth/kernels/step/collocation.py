@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from ..machine.compiling import kernel
+from ..machine.lanes import load8, store8
 from ..machine.pointers import call_fields, call_linear, call_newton
 from ..state import DISC, SOLVED
 from ..surface.sliding import mask_solved
@@ -18,11 +19,11 @@ from .tables import STAGES
 
 _LEGENDRE = np.polynomial.legendre
 _SWEEPS = 24
-_NARROW = 4  # sweeps with the slopes by the surfaces' states alone
 _DAMPED = 0.7  # of the way: by how much Newton's method changes it at most, lest it turns
+_NARROW = 4  # sweeps with the slopes by the surfaces' states alone, and then until new ones do not help
 _CHORD = 0.05  # of the change before: by less a sweep serves with the slopes that it has
 _ALIKE = 1e-8  # of the way since the start: what Newton's method is content with where it comes no nearer
-_CHANGED = 1e-12  # of that way: the last change of Newton's method
+_CHANGED = 1e-13  # of that way, and 1e-3 of rtol: what Newton's method would still change, at its pace
 _HELD = 1e-10  # of the multipliers of other sticks: roundings of a direction are no less
 _ROUNDING, _BLURRED = 1e-15, 1e-3  # of the states, and of a rate: what roundings may make of it
 _DEFECT = 10.0  # tolerances: that of the polynomial, whose order is half of that of the step's end
@@ -80,13 +81,10 @@ def rates(P, S, W, t):
 @kernel
 def integrate(W, h, rates):
     """Overwrites onset.sums by the integrals up to the nodes of what has these values there."""
-    sums = W.onset.sums
-    for q in range(STAGES):
-        sums[q] = 0.0
-    for s in range(STAGES):
-        rate = h * rates[s]
-        for q in range(STAGES):  # by lanes
-            sums[q] += rate * _COLUMNS[s, q]
+    total = load8(_COLUMNS[0], 0) * (h * rates[0])
+    for s in range(1, STAGES):
+        total = total + load8(_COLUMNS[s], 0) * (h * rates[s])
+    store8(W.onset.sums, 0, total)
 
 
 @kernel
@@ -163,14 +161,13 @@ def _choose_columns(P, S, W, all_of_them):
 def _factor(P, W, h):
     """Factors the matrix of Newton's method for the states in onset.columns; False if it is singular."""
     onset, A, width = W.onset, W.onset.matrix, W.onset.narrow
-    for q in range(STAGES):
-        for r in range(width):
-            row = q * width + r
-            for s in range(STAGES):
-                for c in range(width):
-                    A[row, s * width + c] = -h * WEIGHTS[q, s] * onset.slope[s, onset.columns[r], c]
-            A[row, row] += 1.0
-    return factor_dense(A, STAGES * width)
+    for c in range(width):
+        for s in range(STAGES):
+            column = A[c * STAGES + s]
+            for r in range(width):
+                store8(column, r * STAGES, load8(_COLUMNS[s], 0) * (-h * onset.slope[s, onset.columns[r], c]))
+            column[c * STAGES + s] += 1.0
+    return factor_dense(A, onset.lower, STAGES * width)
 
 
 @kernel
@@ -183,21 +180,18 @@ def _newton_step(P, W, h):
         for q in range(STAGES):
             onset.change[r, q] = onset.x[r] - onset.y[q, r] + onset.sums[q]
     for c in range(width):
-        for q in range(STAGES):
-            onset.rest[q * width + c] = onset.change[onset.columns[c], q]
-    solve_factored(onset.matrix, STAGES * width, onset.rest, onset.found)
+        store8(onset.rest, c * STAGES, load8(onset.change[onset.columns[c]], 0))
+    solve_factored(onset.matrix, onset.lower, STAGES * width, onset.rest, onset.found)
     for r in range(n):
         for s in range(STAGES):
             onset.rest[s] = 0.0
             for c in range(width):
-                onset.rest[s] += onset.slope[s, r, c] * onset.found[s * width + c]
+                onset.rest[s] += onset.slope[s, r, c] * onset.found[c * STAGES + s]
         integrate(W, h, onset.rest)
-        for q in range(STAGES):
-            onset.change[r, q] += onset.sums[q]
+        store8(onset.change[r], 0, load8(onset.change[r], 0) + load8(onset.sums, 0))
     # Of their own states what has been solved for, to the last bit.
     for c in range(width):
-        for q in range(STAGES):
-            onset.change[onset.columns[c], q] = onset.found[q * width + c]
+        store8(onset.change[onset.columns[c]], 0, load8(onset.found, c * STAGES))
 
 
 @kernel
@@ -214,11 +208,12 @@ def _rate_rounding(W, i):
 def solve(P, C, S, W, t, h):
     """Newton's method for the states at the nodes, with slopes anew where it is slow; whether it converges."""
     onset, n = W.onset, P.n
-    before, anew = math.inf, True
+    before, anew, fresh = math.inf, True, False
     _choose_columns(P, S, W, False)
     for sweep in range(_SWEEPS):
-        if sweep == _NARROW and anew:
+        if sweep >= _NARROW and anew and fresh and onset.narrow < n:
             _choose_columns(P, S, W, True)
+        fresh = anew
         for q in range(STAGES):
             if not _stage(P, S, W, q, t + NODES[q] * h):
                 return False
@@ -243,7 +238,8 @@ def solve(P, C, S, W, t, h):
                 onset.y[q, i] += share * onset.change[i, q]
         if not abs(total) < math.inf or (anew and sweep > 12 and change > before):
             return False
-        if change <= max(_CHANGED, 1e-2 * C.rtol) or (sweep > 2 and change <= _ALIKE and change > 0.5 * before):
+        pace = min(1.0, change / before) if sweep > 0 else 1.0
+        if change * pace <= max(_CHANGED, 1e-3 * C.rtol) or (sweep > 2 and change <= _ALIKE and pace > 0.5):
             return True
         anew = change > _CHORD * before
         before = change

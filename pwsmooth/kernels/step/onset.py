@@ -27,9 +27,10 @@ from .tables import STAGES
 _TRIES, _PICARD = 40, 3
 _SAME_EXCESS = 0.02  # of the force over the friction: a first guess is good enough when it changes by less
 _PROJECTIONS = 50  # of several discs, one after the other
-# Of 1/(d|lambda|/dt), at rtol = 1e-12 and at most: at once as far as the polynomials of one step tell what happens, as
-# the series of the direction converge the faster the later they begin.
-_STIFF, _STIFFEST = 1.0 / 11.0, 0.25
+# The excess of the force over the friction, with so much of the square of the angle by which it turns, at the end of a
+# first step, at rtol = 1e-12 and at most: as far as the polynomials of one step tell what happens, as the series of the
+# direction converge the faster the later they begin.
+_STIFF, _STIFFEST, _TURNED = 0.1, 0.25, 2.0
 _AHEAD = 1e-3  # of the longest step: where it is looked at how fast lambda passes its bound
 _AT_REST = 1e-7  # of the accelerations: a slip that begins with less begins with none
 _LEFT = 0.1  # of |h|, that a first guess keeps
@@ -162,26 +163,37 @@ def _guess(P, S, W, h):
 
 @kernel
 def _follow_force(P, S, W, j):
-    """Leaves in S.mult the direction of the lambda that would hold disc j; returns its excess over 1."""
-    d, A, size = P.dim[j], W.disc, 0.0
+    """Leaves in S.mult the direction of the lambda that would hold disc j, by its slopes at the start where it is not
+    solved for; returns its excess over 1."""
+    d, size = P.dim[j], 0.0
     if W.onset.solves or P.hidden[j + 1]:
         for k in range(P.m):
             W.mask[k] = 1 if S.status[k] == SOLVED or P.disc_of[k] == j else 0
         call_newton(P.newton_unit, P, S, W)
     else:
-        slopes_of_disc(P, S, W, j)
         push_of_disc(P, S, W, j)
         for r in range(d):
-            A[r, d] = -W.g[j + 1 + r]
-        if solve_dense(A, d, 1):
-            for r in range(d):
-                S.mult[j + 1 + r] += A[r, d]
+            for c in range(d):
+                S.mult[j + 1 + r] -= W.onset.inverse[j + 1 + r, c] * W.g[j + 1 + c]
     for k in range(j + 1, j + 1 + P.dim[j]):
         size += S.mult[k] ** 2
     size = math.sqrt(size)
     for k in range(j + 1, j + 1 + P.dim[j]):
         S.mult[k] /= size
     return size - 1.0
+
+
+@kernel
+def _invert_slopes(P, W, j):
+    """Overwrites the rows of disc j in onset.inverse by the inverse of the slopes in W.disc, 0 where there is none."""
+    d, A = P.dim[j], W.disc
+    for r in range(d):
+        for c in range(d):
+            A[r, d + c] = 1.0 if r == c else 0.0
+    found = solve_dense(A, d, d)
+    for r in range(d):
+        for c in range(d):
+            W.onset.inverse[j + 1 + r, c] = A[r, d + c] if found else 0.0
 
 
 @kernel
@@ -194,6 +206,21 @@ def _guess_by_longer(P, W, h):
             for c in range(STAGES - 1, -1, -1):
                 value = value * NODES[q] * h + rows[i, c]
             W.onset.y[q, i] = value
+
+
+@kernel
+def _unlike(P, S, W, t, tau):
+    """How unlike the force of slips that begin at rest is the time tau ahead: by how much it exceeds the friction, and a
+    multiple of the square of the angle by which it turns. S is left there."""
+    _go_along(P, S, W, t, tau)
+    most = load_of_leaving(P, S, W) - 1.0 if W.onset.as_one else 0.0
+    for j in range(P.m):
+        if begins(P, S, j) and W.onset.forced[j] and not W.onset.as_one:
+            excess, turned = _follow_force(P, S, W, j), 0.0
+            for k in range(j + 1, j + 1 + P.dim[j]):
+                turned += (S.mult[k] - W.onset.mult[k]) ** 2
+            most = max(most, excess + _TURNED * turned)
+    return most
 
 
 @kernel
@@ -223,12 +250,14 @@ def onset(P, C, S, W, longest):
     for i in range(n):
         start.first[i] = W.dx[i]
     # How the slip begins: with an acceleration, or at rest with a force that goes on to grow.
-    size, fastest = 1e-300, 0.0
+    size, fastest, slope = 1e-300, 0.0, 0.0
     for j in range(P.m):
+        if P.kind[j] == DISC and S.status[j] == 1:
+            slope = slopes_of_disc(P, S, W, j)
+            _invert_slopes(P, W, j)
         if begins(P, S, j):
             start.goes_on, start.mult[j] = 0, 1.0
             start.level[j] = 0.0
-            slope = slopes_of_disc(P, S, W, j)
             start.forced[j] = 1 if slope > 0.0 else 0
             size, fastest = max(size, slope), max(fastest, push_of_disc(P, S, W, j))
             for k in range(j + 1, j + 1 + P.dim[j]):
@@ -239,13 +268,12 @@ def onset(P, C, S, W, longest):
     stiff = min(_STIFFEST, _STIFF * (1e12 * C.rtol) ** (1.0 / 16.0))
     if start.rests and not start.goes_on:
         ahead = _AHEAD * longest
-        _go_along(P, S, W, t, ahead)
-        excess = load_of_leaving(P, S, W) - 1.0 if start.as_one else 0.0
-        for j in range(P.m):
-            if begins(P, S, j) and start.forced[j] and not start.as_one:
-                excess = max(excess, _follow_force(P, S, W, j))
-        if excess > 0.0:
-            h = min(h, stiff * ahead / excess)
+        slope = _unlike(P, S, W, t, ahead) / ahead
+        if slope > 0.0:
+            h = min(h, stiff / slope)
+            bend = (_unlike(P, S, W, t, h) / h - slope) / h
+            if bend > 0.0:  # slope h + bend h^2
+                h = min(h, 2.0 * stiff / (slope + math.sqrt(slope * slope + 4.0 * bend * stiff)))
         S.t = t
     again = False
     for _ in range(_TRIES):

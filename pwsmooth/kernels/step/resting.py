@@ -26,9 +26,9 @@ _LEAST_LEFT, _MOST_LEFT = 1e-3, 0.1  # of the time to rest, by a step towards it
 
 @kernel
 def is_stiff(P, S, W, h):
-    """(Whether explicit steps have been as short as a slow slip makes them, for how long it stays slow)."""
+    """(Whether explicit steps have been as short as a slow slip makes them, for how long it stays slow), by the slopes
+    that come_to_rest_in_disc has left."""
     rows, all_rows, longest, stiff = W.step.rows, surface_rows(P, W.step.kind), math.inf, False
-    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     for j in range(P.m):
         W.onset.slow[j] = 0
         if P.kind[j] != DISC or S.status[j] != 1:
@@ -54,7 +54,6 @@ def _near_rest(P, C, S, W, j):
 
     At the first jets that keep it begin to lose digits of the direction of h, at the second they have.
     """
-    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     tolerance, blurred = C.rtol * math.sqrt(W.meeting.widest[j]), 0.0
     for k in range(j + 1, j + 1 + P.dim[j]):
         for e in range(P.dh_row[k], P.dh_row[k + 1]):
@@ -102,6 +101,7 @@ def _close(P, C, S, R, W, j, square, late, tolerance, latest):
         S.x[i] = W.closing_x[i]
     for i in range(P.m):
         S.mult[i] = W.closing_mult[i]
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     if not rests:
         S.taped = k
         return False
@@ -130,10 +130,13 @@ def _come_from(P, S, R, W, j):
 @kernel
 def come_to_rest_in_disc(P, C, S, R, W, h):
     """(h, shortened so that no disc comes to rest within it; the disc that is at rest now, S moved to there, or -1)."""
-    rows, all_rows = W.step.rows, surface_rows(P, W.step.kind)
+    rows, all_rows, known = W.step.rows, surface_rows(P, W.step.kind), False
     for j in range(P.m):
         if P.kind[j] != DISC or S.status[j] != 1:
             continue
+        if not known:
+            call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+        known = True
         square, slope = at(rows[all_rows[j]], 0), at(rows[all_rows[j]], 1)
         W.meeting.widest[j] = max(W.meeting.widest[j], square)
         first, second = 1e-300, 0.0

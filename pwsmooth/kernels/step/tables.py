@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 SHORT = 15  # degree of the polynomial that stands for a longer one: its coefficients are two vectors of eight
-STAGES = 8  # of the collocation that begins a slip: onset.py
+STAGES = 8  # of the collocation that begins a slip (onset.py): one vector
 TABLES = 5  # known zeros at a step's start: up to three, one more at rounding level
 
 

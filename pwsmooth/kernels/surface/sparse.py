@@ -9,6 +9,7 @@ O(n), not O(n^3).
 """
 
 from ..machine.compiling import kernel
+from ..machine.lanes import load8, store8
 from ..state import CROSSING, KINK, SOLVED
 
 # Of what it was: an entry that elimination leaves so little of is 0, in whatever units rows and unknowns are.
@@ -58,8 +59,8 @@ def link(P, S, W, j):
 
 
 @kernel
-def _pivot(A, i, size, first, width):
-    """Swaps columns [first:width] of row i and of the one from it on with the largest entry in column i; False if 0."""
+def _pivot(A, i, size, width):
+    """Swaps row i from column i on and the one below with the largest entry in that column; False if 0."""
     best = i
     for r in range(i + 1, size):
         if abs(A[r, i]) > abs(A[best, i]):
@@ -67,7 +68,7 @@ def _pivot(A, i, size, first, width):
     if not abs(A[best, i]) > 0.0:
         return False
     if best != i:
-        for c in range(first, width):
+        for c in range(i, width):
             A[i, c], A[best, c] = A[best, c], A[i, c]
     return True
 
@@ -78,7 +79,7 @@ def solve_dense(A, size, count):
     stand in the last columns with the solutions; False if singular."""
     width = size + count
     for i in range(size):
-        if not _pivot(A, i, size, i, width):
+        if not _pivot(A, i, size, width):
             return False
         for r in range(i + 1, size):
             factor = A[r, i] / A[i, i]
@@ -97,36 +98,59 @@ def solve_dense(A, size, count):
 
 
 @kernel
-def factor_dense(A, size):
-    """Overwrites A[:size, :size] by its factors, with partial pivoting, and column `size` by the order of its rows;
-    False if singular."""
+def factor_dense(A, lower, size):
+    """Factors A[:size, :size], whose column c is A[c] and whose size is a multiple of 8, with partial pivoting; False if
+    singular.
+
+    Eight entries of a column go at once: so each factor stands with zeros in the place of the other, the lower one in
+    `lower`, and 1 is left out of the diagonal of both, which is 1/lower[:, size] of the upper one. A[:, size] is the
+    order of the rows.
+    """
     for i in range(size):
         A[i, size] = i
     for i in range(size):
-        if not _pivot(A, i, size, 0, size + 1):
-            return False
+        best, first = i, i - i % 8
         for r in range(i + 1, size):
-            if A[r, i] != 0.0:
-                factor = A[r, i] / A[i, i]
-                A[r, i] = factor
-                for c in range(i + 1, size):
-                    A[r, c] -= factor * A[i, c]
+            if abs(A[i, r]) > abs(A[i, best]):
+                best = r
+        if not abs(A[i, best]) > 0.0:
+            return False
+        if best != i:
+            A[i, size], A[best, size] = A[best, size], A[i, size]
+            for c in range(size):
+                A[c, i], A[c, best] = A[c, best], A[c, i]
+            for c in range(i):
+                lower[c, i], lower[c, best] = lower[c, best], lower[c, i]
+        column, below, pivot = A[i], lower[i], A[i, i]
+        below[size] = 1.0 / pivot
+        for k in range(first, size, 8):
+            store8(below, k, load8(column, k) * below[size])
+        for r in range(first, i + 1):
+            below[r] = 0.0
+        column[i] = pivot - 1.0
+        for r in range(i + 1, size):
+            column[r] = 0.0
+        for c in range(i + 1, size):
+            other = A[c]
+            factor = other[i]
+            for k in range(first, size, 8):
+                store8(other, k, load8(other, k) - load8(below, k) * factor)
     return True
 
 
 @kernel
-def solve_factored(A, size, b, u):
-    """Overwrites u by the solution for b, of the matrix whose factors stand in A."""
+def solve_factored(A, lower, size, b, u):
+    """Overwrites u by the solution for b, of the matrix whose factors stand in A and `lower`."""
     for i in range(size):
-        total = b[int(A[i, size])]
-        for c in range(i):
-            total -= A[i, c] * u[c]
-        u[i] = total
+        u[i] = b[int(A[i, size])]
+    for i in range(size):
+        known, below = u[i], lower[i]
+        for k in range(i - i % 8, size, 8):
+            store8(u, k, load8(u, k) - load8(below, k) * known)
     for i in range(size - 1, -1, -1):
-        total = u[i]
-        for c in range(i + 1, size):
-            total -= A[i, c] * u[c]
-        u[i] = total / A[i, i]
+        known, column = u[i] * lower[i, size], A[i]
+        for k in range(0, i + 1, 8):
+            store8(u, k, load8(u, k) - load8(column, k) * known)
 
 
 @kernel
