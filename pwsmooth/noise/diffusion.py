@@ -72,7 +72,8 @@ class Diffusion:
     times of measure zero, and terms hidden on it never act (a warning says so). Noise on other states leaves
     sticking as it is, and makes its end a first passage of the multiplier; how many of the short slips that follow
     such an end are seen depends on `step` and `finest`. Noise that acts on the surface of a `Disc` leaves no sticking
-    either: lambda = h/|h|, with finer steps about h = 0; noise beside a disc that may stick is refused.
+    either: lambda = h/|h|, with finer steps about h = 0. A disc that the noise leaves alone sticks and slips; a slip
+    whose direction turns faster than the steps beside h = 0 (`finest`) has one lambda a step, that of its end.
 
     Source: Roessler, SIAM J. Numer. Anal. 48 (2010) 922-952 for SRA1; Milstein, Theory Probab. Appl. 19 (1974) 557-562;
     the orders across a switch were measured here.
@@ -299,7 +300,11 @@ def lower(model: Model, entries: tuple, extra: tuple, convention: str) -> Lowere
     spreads = [spread(h) for h in surfaces]
     _flat(model, states, columns, spreads)
     outputs = [*G, *terms, _rate(followed, states, columns, bool(model.smoothing)), *spreads]
+    members = {disc.symbol: components for disc, *components in discs_of(model)}
     for m in model.multipliers:
+        if m.kind == "disc":
+            outputs += [sp.Add(*(spread(c.residual) for c in members[m.symbol])), *_slopes(members[m.symbol])]
+            continue
         slope = m.residual.diff(m.symbol)
         outputs += [spread(m.residual), slope, slope.diff(m.symbol)]
     for h, width in model.smoothing:
@@ -318,12 +323,23 @@ def lower(model: Model, entries: tuple, extra: tuple, convention: str) -> Lowere
     return Lowered(lowered, q, pairs, model.time in G.free_symbols, tuple(spreads))
 
 
-def _spread(h, states, columns):
-    """Variance of h a unit of time: sum_k (dh . g_k)^2; 0 for no surface."""
+def _slopes(components):
+    """How little lambda may act on a disc, and how that changes: like dg/dlambda and d2g/dlambda2 of a switch."""
+    lams, G = [c.symbol for c in components], sp.Matrix([c.residual for c in components])
+    slopes, d = G.jacobian(lams), len(lams)
+    together = sp.Add(*(sp.Abs(slopes[k, k]) for k in range(d))) / d
+    bends = [sp.Abs(slopes[k, k].diff(lam)) for k, lam in enumerate(lams)]
+    return -sp.Abs(slopes.det()) / (together + _TINY) ** (d - 1), sp.Max(*bends)
+
+
+def _spread(h, states, columns, proves=True):
+    """Variance of h a unit of time: sum_k (dh . g_k)^2; 0 for no surface, and where it `proves` that it vanishes."""
     if h is None:
         return sp.S.Zero
     gradient = [h.diff(x) for x in states]
     parts = [sum((a * b for a, b in zip(gradient, g)), sp.S.Zero) for g in columns]
+    if not proves:
+        return sp.Add(*(e**2 for e in parts))
     total = sum((sp.expand(e) ** 2 for e in parts), sp.S.Zero)
     return sp.S.Zero if _vanishes(total) else total
 
@@ -335,37 +351,39 @@ def _vanishes(e):
 
 
 def _slipping(model, spread, nearest):
-    """The model in which discs always slip, lambda = h/|h|: noise that acts on h leaves h = 0 at once.
+    """The model in which discs on which noise acts always slip, lambda = h/|h|: it leaves h = 0 at once.
 
-    A disc becomes a switch with |h|^2 > 0, a component an unknown with that equation. With `nearest`, a span of time,
-    directions turn no faster than |h| spreads in it: what they turn by nearer to 0 is not followed.
+    Such a disc becomes a switch with |h|^2 > 0, a component an unknown with that equation. With `nearest`, a span of
+    time, directions turn no faster than |h| spreads in it: what they turn by nearer to 0 is not followed. Then the
+    lambda of other discs is constant: the steps see to their direction themselves (kernels/noise/discs.py).
     """
     multipliers: list[Multiplier] = []
     values: dict[sp.Basic, sp.Expr] = {}
     softened: dict[sp.Basic, sp.Expr] = {}
+    alone: set[sp.Basic] = set()
     for disc, *components in discs_of(model):
         spreads = [spread(m.surface) for m in components]
         if not any(spreads):
-            raise ValueError(
-                f"the noise leaves the surfaces of the disc {disc.symbol} alone: such diffusions are not known; its "
-                "`smoothed` view has them."
-            )
+            alone.add(disc.symbol)
+            continue
         softened[disc.surface] = disc.surface + nearest * sp.Add(*spreads) + _TINY
         values |= {m.symbol: m.surface / sp.sqrt(disc.surface) for m in components} | {disc.symbol: sp.S.One}
-    if not values:
+    if not values and not (nearest and alone):
         return model
 
     def slipping(e):
         apart = {choice: choice.args[1] for choice in e.atoms(Held) if choice.args[0] in values}
+        if nearest:
+            apart |= {choice: choice.args[2] for choice in e.atoms(Held) if choice.args[0] in alone}
         return e.xreplace(apart).xreplace(values).xreplace(softened)
 
     for m in model.multipliers:
-        if m.kind == "disc":
+        if m.kind == "disc" and m.symbol in values:
             rate = sp.Add(
                 *(m.surface.diff(x) * f for x, f in zip(model.states, model.rhs)), m.surface.diff(model.time)
             )
             m = Multiplier(m.symbol, "switch", slipping(rate), m.surface, "kink")
-        elif m.kind == "component":
+        elif m.kind == "component" and m.symbol in values:
             m = Multiplier(m.symbol, "algebraic", slipping(m.symbol) - m.symbol)
         multipliers.append(m)
     return replace(model, rhs=tuple(map(slipping, model.rhs)), multipliers=tuple(multipliers))
@@ -374,7 +392,8 @@ def _slipping(model, spread, nearest):
 def _flat(model, states, columns, spreads) -> None:
     """Refuses noise along a curved surface: Ito's term would push off it, and the sliding condition lacks it."""
     for m, spread in zip(model.multipliers, spreads):
-        if m.kind != "switch" or m.regularity != "sliding" or spread != 0:
+        slid_on = (m.kind == "switch" and m.regularity == "sliding") or m.kind == "component"
+        if not slid_on or spread != 0:
             continue
         bend = sp.hessian(m.surface, states)
         if not all(_vanishes((g.T * bend * g)[0]) for g in columns):
@@ -403,6 +422,6 @@ def _rate(rhs, states, columns, layers):
             # |e| h^power grows by |e'.f| h^(1 + power) and |e'.g| h^(1/2 + power).
             along = [sum(e.diff(x) * f for x, f in zip(states, rhs)) for e in entries]
             parts.append([sp.Abs(e) ** sp.Rational(1, 1 + power) for e in along if e != 0])
-            spread = [_spread(e, states, columns) for e in entries]
+            spread = [_spread(e, states, columns, proves=False) for e in entries]
             parts.append([e ** sp.Rational(1, 1 + 2 * power) for e in spread if e != 0])
     return sum((sp.Max(*part) for part in parts if part), sp.S.Zero)

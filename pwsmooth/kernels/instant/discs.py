@@ -29,8 +29,8 @@ from ..step.recording import record_ambiguity, record_event
 from ..surface.dependent import put_at_rest
 from ..surface.layer import ARRIVE
 from ..surface.sliding import INSIDE, mask_solved, put_in_slip
-from ..surface.sparse import link, solve_dense
-from ..surface.vector import begins, push_of_disc, pushes_back, slopes_of_disc
+from ..surface.sparse import link
+from ..surface.vector import begins, push_of_disc, pushes_back, slopes_of_disc, turn
 from .settling import layer_code, settle_at_rest
 from .together import depend, settle_dependent
 
@@ -91,37 +91,16 @@ def _settle_without_force(P, S, W, j):
 @kernel
 def _find_way_out(P, S, W, j):
     """Newton's method for G(n) = c n, |n| = 1 from the direction in S.mult; False if it does not converge to c > 0."""
-    d, A, c, change = P.dim[j], W.disc, 0.0, math.inf
+    c, change = 0.0, math.inf
     S.mult[j] = INSIDE
     for sweep in range(60):
         slopes_of_disc(P, S, W, j)
         push_of_disc(P, S, W, j)
         if sweep == 0:
-            for r in range(d):
-                c += S.mult[j + 1 + r] * W.g[j + 1 + r]
-        square, rest = 0.0, 0.0
-        for r in range(d):
-            n = S.mult[j + 1 + r]
-            square += n * n
-            for k in range(d):
-                A[r, k] -= c if r == k else 0.0
-            A[r, d], A[d, r] = -n, n
-            A[r, d + 1] = c * n - W.g[j + 1 + r]
-            rest = max(rest, abs(A[r, d + 1]))
-        A[d, d], A[d, d + 1] = 0.0, 0.5 * (1.0 - square)
-        if rest <= 1e-14 * (1.0 + abs(c)) and abs(square - 1.0) <= 1e-14:
-            S.mult[j] = INSIDE  # also where every direction is one
-            return c > 0.0
-        if not solve_dense(A, d + 1, 1):
-            break
-        change = abs(A[d, d + 1]) / (1.0 + abs(c))
-        for r in range(d):
-            S.mult[j + 1 + r] += A[r, d + 1]
-            change = max(change, abs(A[r, d + 1]))
-        c += A[d, d + 1]
-        if not change < math.inf:
-            break
-        if change <= 1e-13:
+            for k in range(j + 1, j + 1 + P.dim[j]):
+                c += S.mult[k] * W.g[k]
+        c, change = turn(P, S, W, j, c)
+        if change <= 1e-13 or not change < math.inf:
             break
     S.mult[j] = INSIDE
     return change <= 1e-13 and c > 0.0

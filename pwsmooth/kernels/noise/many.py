@@ -4,7 +4,7 @@ import math
 
 from numba import types
 
-from ..fresh import restart_counts, restart_flags
+from ..fresh import restart_counts
 from ..intervals import forget_intervals
 from ..machine.compiling import unit
 from ..machine.pointers import caller
@@ -33,7 +33,6 @@ def diffuse_many(address, first, stop, P, C, S, R, W, N):
         S.t = t0
         S.deflate[:] = 0
         restart_counts(S)
-        restart_flags(W)
         for j in range(P.m):
             forget_intervals(S.last[j], t0)
         code, taken = Outcome.FINISHED, 0

@@ -8,13 +8,16 @@ alone) with Milstein's terms where G depends on the state (strong order 1):
 
 A step that changes the status of a surface on which no noise acts is refused and its part of the Brownian path
 halved, until the change is located; then the layer decides as on the event-driven path (instants.py). A surface on
-which the noise acts is never slid on: there lambda = sign h, with finer steps beside it.
+which the noise acts is never slid on: there lambda = sign h, with finer steps beside it. Slow slips in a disc that the
+noise leaves alone: discs.py.
 """
 
 import math
 
 from numba import types
 
+from ..fresh import restart_flags
+from ..instant.discs import release_discs
 from ..instant.surface_rates import any_is
 from ..intervals import time_size
 from ..machine.compiling import kernel, unit
@@ -22,8 +25,10 @@ from ..machine.pointers import call_fields, call_linear, call_outputs, call_unit
 from ..outcome import Outcome
 from ..state import (
     CONTACT,
+    DISC,
     GO_ON,
     HELD,
+    NOTHING,
     SLIDING,
     SOLVED,
     Control,
@@ -33,8 +38,10 @@ from ..state import (
 )
 from ..step.recording import has_room, record_point
 from ..step.roots import NO_ROOT
-from ..surface.sliding import follow, keep_on_surface, mask_solved, surface_rounding
+from ..surface.sliding import INSIDE, follow, keep_on_surface, mask_solved, put_in_slip, surface_rounding
+from ..surface.vector import invert_slopes, own_slopes, slopes_of_disc
 from ..work import Work
+from .discs import ALIKE, SWEEPS, end_slow, mark_slow, time_to_turn, turn_slow
 from .state import DEEPEST, LOCATED, Diffused
 from .tree import begin_interval, end_time, halve, halved, length_here, pass_on
 
@@ -49,6 +56,9 @@ def _evaluate(P, S, W, N):
     if any_is(P, S, SOLVED):
         mask_solved(P, S, W)
         found = follow(P, S, W)
+        for j in range(P.m):
+            if S.status[j] == SOLVED and P.kind[j] == DISC and S.mult[j] == 1.0:
+                S.mult[j] = INSIDE  # 1 says that it slips
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     turned = False
     for j in range(P.m):
@@ -64,7 +74,10 @@ def _evaluate(P, S, W, N):
 
 @kernel
 def _longest(P, S, W, N):
-    """The longest step from here: a function of the present state alone, as a path that is not known ahead asks."""
+    """The longest step from here: a function of the present state alone, as a path that is not known ahead asks.
+
+    W has the fields there.
+    """
     n, m, ne, out = P.n, P.m, P.ne, N.out
     at = n * N.q + n * N.pairs
     h = halved(N.step, N.level)
@@ -78,10 +91,14 @@ def _longest(P, S, W, N):
         if N.noisy[i]:
             h = min(h, max(floor, W.h[i] * W.h[i] / (_SURE * out[at + i] + 1e-300)))
     at += m + ne
+    if P.discs != 0:
+        h = min(h, max(floor, N.resolution * time_to_turn(P, S, W, N)))
     for j in range(m):
-        if S.status[j] == SOLVED and P.kind[j] == SLIDING and out[at + 3 * j] > 0.0:
+        bounded = P.kind[j] == SLIDING or P.kind[j] == DISC
+        if S.status[j] == SOLVED and bounded and out[at + 3 * j] > 0.0:
             slope, bend = abs(out[at + 3 * j + 1]), abs(out[at + 3 * j + 2])
-            room = (1.0 - abs(S.mult[j])) * slope
+            size = abs(S.mult[j]) if P.kind[j] == SLIDING else math.sqrt(abs(S.mult[j]))
+            room = (1.0 - size) * slope
             if bend > 0.0:
                 room = min(room, 0.5 * slope * slope / bend)
             h = min(h, max(floor, room * room / (_SURE * out[at + 3 * j])))
@@ -138,7 +155,89 @@ def _step(P, S, W, N):
     for j in range(P.m):
         if S.status[j] == SOLVED and P.kind[j] == SLIDING:
             keep_on_surface(P, S, j, W)
+        elif S.status[j] == SOLVED and P.kind[j] == DISC:
+            put_in_slip(P, S, j, 0.0, S.mult, W)
     return found
+
+
+@kernel
+def _follow_slow_slips(P, S, W, N, t):
+    """A step with the lambda of its end in slow slips: (whether that was found, whether no multiplier was lost)."""
+    length = length_here(N)
+    for _ in range(SWEEPS):
+        S.t, found = t, True
+        for i in range(P.n):
+            S.x[i] = N.x[i]
+        if any_is(P, S, SOLVED):
+            mask_solved(P, S, W)
+            found = follow(P, S, W)
+        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+        for i in range(P.n):
+            N.f[i] = W.dx[i]
+        found = _step(P, S, W, N) and found
+        change = turn_slow(P, S, W, N, length)
+        if change <= ALIKE:
+            end_slow(P, S, W, N, length)
+            return True, found
+        if not change < math.inf:
+            break
+    return False, found
+
+
+@kernel
+def _keeps_direction(A, d):
+    """Whether det(-A) > 0: none of its real eigenvalues, all negative where the layer comes back, has passed 0."""
+    det = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
+    if d == 3:
+        det *= -A[2, 2]
+        det += A[0, 2] * (A[1, 1] * A[2, 0] - A[1, 0] * A[2, 1]) + A[1, 2] * (
+            A[0, 0] * A[2, 1] - A[0, 1] * A[2, 0]
+        )
+    return det > 0.0
+
+
+@kernel
+def _attracts(P, S, W, N, j, at):
+    """Whether the root of multiplier j is on the branch to which the layer comes back, up to a fold."""
+    if P.kind[j] != DISC:
+        return N.out[at + 3 * j + 1] < 0.0
+    return P.hidden[j + 1] == 0 or (slopes_of_disc(P, S, W, j) > 0.0 and _keeps_direction(W.disc, P.dim[j]))
+
+
+@kernel
+def _flattest(P, S, W, fold):
+    """The multiplier whose own residual depends least on it, of those that may have folds; `fold` if there is none."""
+    least = math.inf
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    for j in range(P.m):
+        if S.status[j] == SOLVED and P.kind[j] == SLIDING and P.hidden[j]:
+            slope = abs(W.G[P.g_diagonal[j]])
+            if slope < least:
+                fold, least = j, slope
+    for j in range(P.m):
+        if S.status[j] == SOLVED and P.kind[j] == DISC and P.hidden[j + 1]:
+            own_slopes(P, S, W, j)
+            steepest, d = math.inf, P.dim[j]  # of the inverse
+            if invert_slopes(P, W, j):
+                steepest = 0.0
+                for r in range(d):
+                    for c in range(d, 2 * d):
+                        steepest = max(steepest, abs(W.disc[r, c]))
+            if 1.0 / steepest < least:
+                fold, least = j, 1.0 / steepest
+    return fold
+
+
+@kernel
+def _aim_beyond(P, S, W, j):
+    """Leaves in W.arc.mult the way on for the lambda of disc j past its fold, with g in W: -A^-1 g, along which it
+    hardly acts."""
+    own_slopes(P, S, W, j)
+    known, d = invert_slopes(P, W, j), P.dim[j]
+    for r in range(d):
+        W.arc.mult[2 + j + r] = 0.0 if known else W.g[j + 1 + r]
+        for c in range(d if known else 0):
+            W.arc.mult[2 + j + r] -= W.disc[r, d + c] * W.g[j + 1 + c]
 
 
 @kernel
@@ -153,9 +252,14 @@ def _changes(P, S, W, N, found):
         if i < m:
             if N.noisy[i] or S.status[i] == HELD or P.kind[i] >= CONTACT:
                 continue
+            if P.kind[i] == DISC and S.status[i] == 1:
+                if N.rests[i]:
+                    W.meeting.tau[i] = 0.5
+                    some = True
+                continue
             if S.status[i] == SOLVED:
                 lam = S.mult[i]
-                if not found or not abs(lam - N.mult[i]) <= _LEAP or N.out[at + 3 * i + 1] >= 0.0:
+                if not found or not abs(lam - N.mult[i]) <= _LEAP or not _attracts(P, S, W, N, i, at):
                     W.instant.fold = i
                     some = True
                 elif abs(lam) > 1.0:
@@ -190,16 +294,27 @@ def _deep_enough(P, W, N):
 
 
 @kernel
-def _act(P, C, S, R, W, N, t_before):
-    """Acts on the changes at the present instant; returns a code."""
+def _act(P, C, S, R, W, N, t_before, found):
+    """Acts on the changes at the present instant, where the roots of all multipliers have been `found`; a code."""
     instant = W.instant
     t = S.t
-    fold = instant.fold
-    if fold >= 0:
-        # Past the fold the layer flow has one direction: that of g at the root that was.
-        S.mult[fold] = N.mult[fold]
+    if instant.fold >= 0:
+        # Past the fold the layer flow has one direction: that of g at the root that was. A root that does not attract
+        # lies in it, too.
+        for j in range(P.m):
+            W.arc.mult[1 + j] = S.mult[j] - N.mult[j]
+            if S.status[j] == SOLVED:
+                S.mult[j] = N.mult[j]
+        if not found:
+            instant.fold = _flattest(P, S, W, instant.fold)
+        fold = instant.fold
         call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-        instant.way = 1 if W.g[fold] > 0.0 else -1
+        ahead = W.arc.mult[1 + fold] if found else W.g[fold]
+        instant.way = 1 if ahead > 0.0 else -1
+        if P.kind[fold] == DISC:
+            instant.fold = fold + 1  # its first component
+            if not found:
+                _aim_beyond(P, S, W, fold)
     instant.at_clock = 0
     for j in range(P.m):
         S.last[j, 1] = 0.0  # intervals of a random path are no sequence that converges
@@ -236,6 +351,8 @@ def _sample(S, R, P):
 def _begin(P, C, S, R, W, N):
     """Classifies the start; returns a code."""
     begin_interval(N)
+    restart_flags(W)
+    W.meeting.widest[:] = 0.0
     code = call_unit(P.instant_unit, P, C, S, R, W)
     if code == GO_ON:
         _sample(S, R, P)
@@ -273,8 +390,20 @@ def diffuse(P, C, S, R, W, N):
             N.out_start[i] = N.out[i]
         while True:
             S.steps += 1
-            found = _step(P, S, W, N)
-            found = _evaluate(P, S, W, N) and found
+            follows = True
+            if P.discs != 0 and mark_slow(P, S, W, N, length_here(N)):
+                follows, found = _follow_slow_slips(P, S, W, N, t)
+            else:
+                found = _step(P, S, W, N)
+            if not follows:
+                if N.depth >= DEEPEST:
+                    return Outcome.STEP_UNDERFLOW
+                _restore(P, S, N, t)
+                halve(N)
+                N.rejected += 1
+                continue
+            # Where a root is lost within the last part alone, it is there again.
+            found = _evaluate(P, S, W, N) and (found or N.depth >= LOCATED)
             changed = _changes(P, S, W, N, found)
             if not changed or _deep_enough(P, W, N):
                 break
@@ -289,12 +418,19 @@ def diffuse(P, C, S, R, W, N):
             return Outcome.NOT_FINITE
         pass_on(N)
         if changed:
-            code = _act(P, C, S, R, W, N, t)
+            code = _act(P, C, S, R, W, N, t, found)
             _evaluate(P, S, W, N)
             if code != GO_ON:
                 return code
         else:
             S.stalled = 0
+            S.deflate[:] = 0
+        if P.discs != 0 and any_is(P, S, HELD):
+            code = release_discs(P, S, R, W)
+            if code != NOTHING:
+                _evaluate(P, S, W, N)
+            if code < GO_ON:
+                return code
         if N.depth == 0 and N.position == 0:
             _sample(S, R, P)
             if N.recording and not changed:

@@ -55,6 +55,11 @@ class Diffused(Bundle):
     f: "f8[n]"
     mult: "f8[m]"
     status: "i8[m]"
+    size: "f8[m]"  # |h| of discs that slip
+    speed: "f8[m]"  # and its largest rates
+    slow: "i8[m]"  # of these, slips that follow the force over the step
+    pace: "f8[m]"  # |h| of theirs at its end over its length, negative
+    rests: "i8[m]"  # where they have come to rest
     starts: "f8[:, n + 1]"  # of an ensemble, one or each its own: states and time
     snapshots: "f8[trajectories, times, n]"
     grid: "i8[times]"  # interval at whose start each snapshot is taken

@@ -18,8 +18,7 @@ from ..machine.pointers import call_fields, call_newton
 from ..state import DISC, SOLVED, START, Control, Problem, State
 from ..surface.dependent import gather_leaving, load_of_leaving, pace_of_leaving
 from ..surface.sliding import INSIDE, put_in_slip
-from ..surface.sparse import solve_dense
-from ..surface.vector import begins, push_of_disc, slopes_of_disc
+from ..surface.vector import begins, invert_slopes, push_of_disc, slopes_of_disc
 from ..work import Work
 from .collocation import NODES, WEIGHTS, integrate, misfit, polynomials, rates, solve
 from .tables import STAGES
@@ -184,19 +183,6 @@ def _follow_force(P, S, W, j):
 
 
 @kernel
-def _invert_slopes(P, W, j):
-    """Overwrites the rows of disc j in onset.inverse by the inverse of the slopes in W.disc, 0 where there is none."""
-    d, A = P.dim[j], W.disc
-    for r in range(d):
-        for c in range(d):
-            A[r, d + c] = 1.0 if r == c else 0.0
-    found = solve_dense(A, d, d)
-    for r in range(d):
-        for c in range(d):
-            W.onset.inverse[j + 1 + r, c] = A[r, d + c] if found else 0.0
-
-
-@kernel
 def _guess_by_longer(P, W, h):
     """Overwrites onset.y, the states at the nodes, by the polynomials of a step that was too long."""
     rows = W.step.rows
@@ -210,8 +196,8 @@ def _guess_by_longer(P, W, h):
 
 @kernel
 def _unlike(P, S, W, t, tau):
-    """How unlike the force of slips that begin at rest is the time tau ahead: by how much it exceeds the friction, and a
-    multiple of the square of the angle by which it turns. S is left there."""
+    """By how much the force of slips that begin at rest exceeds the friction the time tau ahead, and a multiple of the
+    square of the angle by which it turns. S is left there."""
     _go_along(P, S, W, t, tau)
     most = load_of_leaving(P, S, W) - 1.0 if W.onset.as_one else 0.0
     for j in range(P.m):
@@ -253,8 +239,11 @@ def onset(P, C, S, W, longest):
     size, fastest, slope = 1e-300, 0.0, 0.0
     for j in range(P.m):
         if P.kind[j] == DISC and S.status[j] == 1:
-            slope = slopes_of_disc(P, S, W, j)
-            _invert_slopes(P, W, j)
+            slope, d = slopes_of_disc(P, S, W, j), P.dim[j]
+            known = invert_slopes(P, W, j)
+            for r in range(d):
+                for c in range(d):
+                    start.inverse[j + 1 + r, c] = W.disc[r, d + c] if known else 0.0
         if begins(P, S, j):
             start.goes_on, start.mult[j] = 0, 1.0
             start.level[j] = 0.0

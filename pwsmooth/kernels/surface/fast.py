@@ -13,12 +13,18 @@ from ..machine.compiling import kernel
 from ..machine.pointers import call_fields, call_layer, call_newton
 from ..state import COMPONENT, SOLVED
 from .sliding import mask_instant, mask_solved
+from .vector import turn
 
 SETTLED, OSCILLATES, LOST = range(3)
 _SURE_STEP = 0.02  # of the relaxation of a layered state, in its own time constant: fixed steps of it were safe
 _FARTHEST = 1e150  # of u, whose square is finite
 _FAR = 20.0  # from there on lambda is within 2e-3 of its bound, and moves ever more slowly
 _BOUND = 1e-12  # of lambda: a root farther out is none
+_NUDGE, _TURNS, _ALIKE = (
+    1e-6,
+    20,
+    1e-9,
+)  # of lambda on its circle: for slopes, sweeps of Newton's method, and its end
 _MANY = 1000  # steps without rest, after which it is looked at what slow motion there is
 
 
@@ -174,6 +180,46 @@ def _rest_is_near(P, S, W, size):
 
 
 @kernel
+def _way_out_of_disc(P, S, W, size, i):
+    """Puts lambda of the disc whose first component is i on its circle, where G = c n, the others at rest; c, or -1."""
+    j, d, c, change, keep = (
+        P.disc_of[W.instant.group[i]],
+        P.dim[P.disc_of[W.instant.group[i]]],
+        0.0,
+        math.inf,
+        0.0,
+    )
+    others = W.layer.masked != 0 or size > d
+    for r in range(size):
+        W.mask[W.instant.group[r]] = 0 if i <= r < i + d else 1
+    along = 0.0
+    for k in range(j + 1, j + 1 + d):
+        along += S.mult[k] ** 2
+    for k in range(j + 1, j + 1 + d):
+        S.mult[k] /= math.sqrt(along)
+    for sweep in range(_TURNS):
+        for column in range(d + 1):  # g beside n, and last at n itself
+            if column < d:
+                keep = S.mult[j + 1 + column]
+                S.mult[j + 1 + column] = keep + _NUDGE
+            if others:
+                call_newton(P.newton_unit, P, S, W)
+            call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+            if column < d:
+                S.mult[j + 1 + column] = keep
+                for r in range(d):
+                    W.disc[r, column] = W.g[j + 1 + r]
+        for r in range(d):
+            for column in range(d):
+                W.disc[r, column] = (W.disc[r, column] - W.g[j + 1 + r]) / _NUDGE
+            c += S.mult[j + 1 + r] * W.g[j + 1 + r] if sweep == 0 else 0.0
+        c, change = turn(P, S, W, j, c)
+        if change <= _ALIKE or not change < math.inf:
+            break
+    return c if change <= _ALIKE else -1.0
+
+
+@kernel
 def _outward(P, S, W, size, y, rates):
     """Of switches far out on their way to a bound, one that still goes outward at the bound, the others at rest there.
 
@@ -182,18 +228,22 @@ def _outward(P, S, W, size, y, rates):
     instant = W.instant
     found = -1
     for i in range(size):
-        if P.kind[instant.group[i]] == COMPONENT or not (abs(y[i]) > _FAR and y[i] * rates[i] > 0.0):
+        if not _leaves(P, W, size, y, rates, i, _FAR):
             continue
-        j, side = instant.group[i], 1.0 if y[i] > 0.0 else -1.0
+        j, side, stays = instant.group[i], 1.0 if y[i] > 0.0 else -1.0, True
         for r in range(size):
             W.layer.mult[r] = S.mult[instant.group[r]]
             W.mask[instant.group[r]] = 0 if r == i else 1
-        S.mult[j] = side
-        stays = call_newton(P.newton_unit, P, S, W) != 0
+        if P.kind[j] == COMPONENT:
+            push = _way_out_of_disc(P, S, W, size, i)
+        else:
+            S.mult[j] = side
+            stays = call_newton(P.newton_unit, P, S, W) != 0
+            call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+            push = side * W.g[j]
         for r in range(size):
             stays = stays and abs(S.mult[instant.group[r]] - W.layer.mult[r]) < 1e-2
-        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-        if stays and side * W.g[j] > 1e-12:
+        if stays and push > 1e-12:
             found = i
         for r in range(size):
             S.mult[instant.group[r]] = W.layer.mult[r]

@@ -99,8 +99,8 @@ def solve_dense(A, size, count):
 
 @kernel
 def factor_dense(A, lower, size):
-    """Factors A[:size, :size], whose column c is A[c] and whose size is a multiple of 8, with partial pivoting; False if
-    singular.
+    """Factors A[:size, :size], whose column c is A[c] and whose size is a multiple of 8, with partial pivoting; False
+    if singular.
 
     Eight entries of a column go at once: so each factor stands with zeros in the place of the other, the lower one in
     `lower`, and 1 is left out of the diagonal of both, which is 1/lower[:, size] of the upper one. A[:, size] is the
