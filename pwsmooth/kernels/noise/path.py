@@ -39,9 +39,9 @@ from ..state import (
 from ..step.recording import has_room, record_point
 from ..step.roots import NO_ROOT
 from ..surface.sliding import INSIDE, follow, keep_on_surface, mask_solved, put_in_slip, surface_rounding
-from ..surface.vector import invert_slopes, own_slopes, slopes_of_disc
 from ..work import Work
 from .discs import ALIKE, SWEEPS, end_slow, mark_slow, time_to_turn, turn_slow
+from .folds import aim_beyond, attracts, flattest
 from .state import DEEPEST, LOCATED, Diffused
 from .tree import begin_interval, end_time, halve, halved, length_here, pass_on
 
@@ -185,62 +185,6 @@ def _follow_slow_slips(P, S, W, N, t):
 
 
 @kernel
-def _keeps_direction(A, d):
-    """Whether det(-A) > 0: none of its real eigenvalues, all negative where the layer comes back, has passed 0."""
-    det = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
-    if d == 3:
-        det *= -A[2, 2]
-        det += A[0, 2] * (A[1, 1] * A[2, 0] - A[1, 0] * A[2, 1]) + A[1, 2] * (
-            A[0, 0] * A[2, 1] - A[0, 1] * A[2, 0]
-        )
-    return det > 0.0
-
-
-@kernel
-def _attracts(P, S, W, N, j, at):
-    """Whether the root of multiplier j is on the branch to which the layer comes back, up to a fold."""
-    if P.kind[j] != DISC:
-        return N.out[at + 3 * j + 1] < 0.0
-    return P.hidden[j + 1] == 0 or (slopes_of_disc(P, S, W, j) > 0.0 and _keeps_direction(W.disc, P.dim[j]))
-
-
-@kernel
-def _flattest(P, S, W, fold):
-    """The multiplier whose own residual depends least on it, of those that may have folds; `fold` if there is none."""
-    least = math.inf
-    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
-    for j in range(P.m):
-        if S.status[j] == SOLVED and P.kind[j] == SLIDING and P.hidden[j]:
-            slope = abs(W.G[P.g_diagonal[j]])
-            if slope < least:
-                fold, least = j, slope
-    for j in range(P.m):
-        if S.status[j] == SOLVED and P.kind[j] == DISC and P.hidden[j + 1]:
-            own_slopes(P, S, W, j)
-            steepest, d = math.inf, P.dim[j]  # of the inverse
-            if invert_slopes(P, W, j):
-                steepest = 0.0
-                for r in range(d):
-                    for c in range(d, 2 * d):
-                        steepest = max(steepest, abs(W.disc[r, c]))
-            if 1.0 / steepest < least:
-                fold, least = j, 1.0 / steepest
-    return fold
-
-
-@kernel
-def _aim_beyond(P, S, W, j):
-    """Leaves in W.arc.mult the way on for the lambda of disc j past its fold, with g in W: -A^-1 g, along which it
-    hardly acts."""
-    own_slopes(P, S, W, j)
-    known, d = invert_slopes(P, W, j), P.dim[j]
-    for r in range(d):
-        W.arc.mult[2 + j + r] = 0.0 if known else W.g[j + 1 + r]
-        for c in range(d if known else 0):
-            W.arc.mult[2 + j + r] -= W.disc[r, d + c] * W.g[j + 1 + c]
-
-
-@kernel
 def _changes(P, S, W, N, found):
     """Marks in tau and instant.fold what has changed its status over the step just made; True if anything has."""
     m, some = P.m, False
@@ -259,7 +203,7 @@ def _changes(P, S, W, N, found):
                 continue
             if S.status[i] == SOLVED:
                 lam = S.mult[i]
-                if not found or not abs(lam - N.mult[i]) <= _LEAP or not _attracts(P, S, W, N, i, at):
+                if not found or not abs(lam - N.mult[i]) <= _LEAP or not attracts(P, S, W, N, i, at):
                     W.instant.fold = i
                     some = True
                 elif abs(lam) > 1.0:
@@ -306,7 +250,7 @@ def _act(P, C, S, R, W, N, t_before, found):
             if S.status[j] == SOLVED:
                 S.mult[j] = N.mult[j]
         if not found:
-            instant.fold = _flattest(P, S, W, instant.fold)
+            instant.fold = flattest(P, S, W, instant.fold)
         fold = instant.fold
         call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
         ahead = W.arc.mult[1 + fold] if found else W.g[fold]
@@ -314,7 +258,7 @@ def _act(P, C, S, R, W, N, t_before, found):
         if P.kind[fold] == DISC:
             instant.fold = fold + 1  # its first component
             if not found:
-                _aim_beyond(P, S, W, fold)
+                aim_beyond(P, S, W, fold)
     instant.at_clock = 0
     for j in range(P.m):
         S.last[j, 1] = 0.0  # intervals of a random path are no sequence that converges
