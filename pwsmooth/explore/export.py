@@ -74,6 +74,7 @@ def standalone(
     asked = dict(state or {})
     p, _, _ = state_of(subject, asked)
     live, frames, layers = Live(subject), [], {}
+    live.orbit(asked)  # what it compiles takes no time from the runs below, which have little
     known = describe(subject)
     names = list(dict.fromkeys([*known["names"], *known["phase"], *known["characteristic"]]))
     for k, value in enumerate(values.tolist()):
