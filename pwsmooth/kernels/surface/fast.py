@@ -20,11 +20,8 @@ _SURE_STEP = 0.02  # of the relaxation of a layered state, in its own time const
 _FARTHEST = 1e150  # of u, whose square is finite
 _FAR = 20.0  # from there on lambda is within 2e-3 of its bound, and moves ever more slowly
 _BOUND = 1e-12  # of lambda: a root farther out is none
-_NUDGE, _TURNS, _ALIKE = (
-    1e-6,
-    20,
-    1e-9,
-)  # of lambda on its circle: for slopes, sweeps of Newton's method, and its end
+# Of lambda on its circle: a change for slopes, sweeps of Newton's method, and the change that ends them.
+_NUDGE, _TURNS, _ALIKE = 1e-6, 20, 1e-9
 _MANY = 1000  # steps without rest, after which it is looked at what slow motion there is
 
 
@@ -182,13 +179,8 @@ def _rest_is_near(P, S, W, size):
 @kernel
 def _way_out_of_disc(P, S, W, size, i):
     """Puts lambda of the disc whose first component is i on its circle, where G = c n, the others at rest; c, or -1."""
-    j, d, c, change, keep = (
-        P.disc_of[W.instant.group[i]],
-        P.dim[P.disc_of[W.instant.group[i]]],
-        0.0,
-        math.inf,
-        0.0,
-    )
+    j = P.disc_of[W.instant.group[i]]
+    d, c, change, keep = P.dim[j], 0.0, math.inf, 0.0
     others = W.layer.masked != 0 or size > d
     for r in range(size):
         W.mask[W.instant.group[r]] = 0 if i <= r < i + d else 1
