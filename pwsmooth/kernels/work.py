@@ -164,9 +164,9 @@ class Onset(Bundle):
     slips: "i8[m]"  # discs that slip
     size: "f8[m]"  # their |h| at a node
     columns: "i8[onset]"  # those states
-    y: "f8[8, onset]"  # states at the nodes
-    k: "f8[8, onset]"  # rates
-    slope: "f8[8, onset, onset]"  # their derivatives by the states
+    y: "f8[onset, 8]"  # states at the nodes
+    k: "f8[onset, 8]"  # rates
+    slope: "f8[onset, onset, 8]"  # their derivatives by the states
     matrix: "f8[8*onset, 8*onset + 1]"  # of Newton's method, by columns, then its upper factor; the order of its rows
     lower: "f8[8*onset, 8*onset + 1]"  # its lower factor, and 1 over the diagonal of the upper one
     inverse: "f8[m, 3]"  # of dG/dlambda of each disc at the start, in the rows of its components

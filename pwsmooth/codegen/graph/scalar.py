@@ -140,18 +140,30 @@ class ScalarCode:
         group = [node for node in group if not self.available(node)]
         if not group:
             return
-        write = self.writer.line
-        for head, branch in self._branches(key):
-            write(head)
-            self.writer.indent += 1
-            self.scopes.append(set())
-            results = [self.graph.nodes[node].args[branch] for node in group]
+        branches = self._unlike_branches(key, group)
+        for head, results in branches:
+            if len(branches) > 1:
+                self.writer.line(head)
+                self.writer.indent += 1
+                self.scopes.append(set())
             self.emit(results)
             for node, result in zip(group, results, strict=True):
-                write(f"{self.name(node)} = {self.name(result)}")
-            self.scopes.pop()
-            self.writer.indent -= 1
+                self.writer.line(f"{self.name(node)} = {self.name(result)}")
+            if len(branches) > 1:
+                self.scopes.pop()
+                self.writer.indent -= 1
         self.scopes[-1].update(group)
+
+    def _unlike_branches(self, key, group: list[int]) -> list[tuple[str, list[int]]]:
+        """The branches with their results for a group, neighbours with the same results as one."""
+        found: list[tuple[str, list[int]]] = []
+        for head, branch in self._branches(key):
+            results = [self.graph.nodes[node].args[branch] for node in group]
+            if found and found[-1][1] == results:
+                before, _ = found.pop()
+                head = head if head == "else:" else f"{before[:-1]} or {head.removeprefix('elif ')}"
+            found.append((head, results))
+        return found
 
     def _branches(self, key) -> list[tuple[str, int]]:
         op, which = key

@@ -388,17 +388,19 @@ class OrderK(JetCode):
         degree = self.degrees.of(b)
         if degree == CONSTANT:
             return f"{above} * {self.reciprocal(b)}"
+        inverse = self.reciprocal(b)
         if degree == AFFINE:
-            subtract = f"s{b} * {self.last(w)}"
-        else:
-            subtract = f"{self._sum(w, b)} - {self.value(w)} * {self.coefficient(b)}"
-        return f"({above or ''} - {subtract}) * {self.reciprocal(b)}"
+            return f"({above or ''} - s{b} * {self.last(w)}) * {inverse}"
+        # What comes last waits for one operation.
+        known = f"({above or ''} - {self._sum(w, b)}) * {inverse}"
+        return f"{known} - ({self.value(w)} * {inverse}) * {self.coefficient(b)}"
 
     def _power(self, w: int, u: int, exponent: int) -> str:
         # u w' = alpha u' w
         alpha, uk = self.value(exponent), self.coefficient(u)
         inner = f"({alpha} + 1.0) * inv * {self._sum(~u, w)} - {self._sum(u, w)}"
-        return f"({inner} + {alpha} * {self.value(w)} * {uk}) * {self.reciprocal(u)}"
+        inverse = self.reciprocal(u)
+        return f"({inner}) * {inverse} + ({alpha} * {self.value(w)} * {inverse}) * {uk}"
 
     def _function(self, w: int, u: int, name: str) -> str:
         uk, affine = self.coefficient(u), self.degrees.of(u) == AFFINE
@@ -406,7 +408,8 @@ class OrderK(JetCode):
             self.row(u)
             self.flat[u] = None
         if name == "sqrt":  # w^2 = u
-            return f"({uk} - {self._sum(w, w)}) * (0.5 * {self.reciprocal(w)})"
+            half = f"(0.5 * {self.reciprocal(w)})"
+            return f"{uk} * {half} - {self._sum(w, w)} * {half}"
         if name == "log":  # u w' = u'
             return f"({uk} - inv * {self._sum(~w, u)}) * {self.reciprocal(u)}"
         if name == "exp":

@@ -13,7 +13,7 @@ from ..machine.pointers import call_fields, call_newton
 from ..state import DISC
 from ..surface.pair import DEGREE, STAGES, errors, interpolant, stage_point
 from ..surface.sliding import INSIDE, mask_solved
-from ..surface.vector import pushes_back, slopes_of_disc
+from ..surface.vector import invert_slopes, push_of_disc, pushes_back, slopes_of_disc
 from .recording import keep_dense, sample
 
 _LEAST, _MOST = 1e-8, 1e-6  # tolerance of the time
@@ -21,7 +21,7 @@ _DIRECTION = 1e-6  # what is enough of a direction at its end that decides
 _CLOSED = -16.0  # of log(r/r1): what is left does not matter
 _STRAIGHT = 1e-5  # of the angle off the direction in which it ends
 _BENT = 1e-9  # of n.G, what that takes from it
-_STEADY = 0.1  # tolerances of h: what the change of n.G on the rest of the way is worth
+STEADY = 0.1  # tolerances of h: what the change of n.G on the rest of the way is worth
 _PASSED = 0.5
 _GONE = 1e-8  # of |h|^2 of another disc: what is left of it at most where it comes to rest with this one
 FARTHEST = 100.0  # of log(r/r1), where a stage of a step too long may be
@@ -153,6 +153,17 @@ def _leave_step(P, C, S, R, W, j, size, step):
 
 
 @kernel
+def _aim_at_rest(P, S, W, j, left):
+    """Overwrites lambda of disc j by its mean over the time left, in which all of h falls to 0; W.dx, W.g follow."""
+    d = P.dim[j]
+    if slopes_of_disc(P, S, W, j) > 0.0 and invert_slopes(P, W, j):
+        for r in range(d):
+            for c in range(d):
+                S.mult[j + 1 + r] -= W.disc[r, d + c] * (W.g[j + 1 + c] + W.h[j + 1 + c] / left)
+        push_of_disc(P, S, W, j)
+
+
+@kernel
 def _rest_of_line(P, C, S, R, W, j, left, leaves):
     """Moves S by a time in which h falls to 0 along a line: the rates change in proportion to it."""
     first, start, before = W.closing_new, W.closing_look, W.closing_end
@@ -201,6 +212,12 @@ def pull_of(P, W, j):
 
 
 @kernel
+def direction_decides(P, S, W, j):
+    """Whether several sticks or slips may go on from h = 0 of disc j, and the direction in which it comes decides."""
+    return P.hidden[j + 1] != 0 or slopes_of_disc(P, S, W, j) == 0.0 or not pushes_back(P, W, j)
+
+
+@kernel
 def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
     """Moves S from |h| = size of disc j, in the direction in S.mult, to its rest; False, and S anywhere, if it passes,
     or is there later than at the `latest` or not in so many steps.
@@ -209,9 +226,8 @@ def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
     `leaves` them, states on the way are kept where they are asked for; W.step is overwritten.
     """
     d, n, y, new, k = P.dim[j], P.n, W.closing_y, W.closing_new, W.closing_k
-    # Where several sticks and slips go on from h = 0, the direction in which it comes decides.
-    decides = P.hidden[j + 1] != 0 or slopes_of_disc(P, S, W, j) == 0.0 or not pushes_back(P, W, j)
-    enough, relative = _DIRECTION if decides else 1.0, min(max(_LEAST, _STEADY * tolerance / size), _MOST)
+    decides = direction_decides(P, S, W, j)
+    enough, relative = _DIRECTION if decides else 1.0, min(max(_LEAST, STEADY * tolerance / size), _MOST)
     mask_solved(P, S, W)
     W.layer.masked = 0
     for i in range(P.m):
@@ -233,7 +249,7 @@ def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
     pull = max(fastest, pull_of(P, W, j))
     W.layer.pace = 1.0 / fastest
     along = _closing_rates(P, S, W, j, size, y, k, 0)
-    step = 0.2 / (W.layer.pace * pull)
+    step = 0.5 / (W.layer.pace * pull)
     for i in range(P.m):
         W.step.mult[i] = S.mult[i]
     for _ in range(most):
@@ -259,14 +275,20 @@ def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
             W.step.mult[i] = S.mult[i]
         # Along a direction that it no longer leaves, and at a rate that it keeps, the rest is a line.
         angle, change = turns / (W.layer.pace * pull), abs(along - before) / (step * abs(k[0, _LOG]))
-        left, worth = size * math.exp(y[_LOG]), _STEADY * tolerance * abs(along)
+        left, worth = size * math.exp(y[_LOG]), STEADY * tolerance * abs(along)
         if decides:
             straight = angle <= _STRAIGHT and angle * angle * pull <= _BENT * abs(along)
         else:
-            straight = angle * left * pull <= worth
+            straight = angle * angle * left * pull <= worth
         straight = straight and change * left <= worth
         if along < 0.0 and (straight or y[_LOG] < _CLOSED):
+            for i in range(d):
+                y[i] = S.mult[j + 1 + i]
+            if not decides:
+                _aim_at_rest(P, S, W, j, left / -along)
             _rest_of_line(P, C, S, R, W, j, left / -along, leaves)
+            for i in range(d):
+                S.mult[j + 1 + i] = y[i]
             return S.t < latest
         step = next_step(step, error)
     return False

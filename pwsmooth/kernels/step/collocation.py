@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
-from ..machine.compiling import kernel
-from ..machine.lanes import load8, store8
-from ..machine.pointers import call_fields, call_linear, call_newton
+from ..machine.compiling import inlined_kernel, kernel
+from ..machine.lanes import load8, splat8, store8
+from ..machine.pointers import call_fields, call_linear, call_newton, powers8
 from ..state import DISC, SOLVED
 from ..surface.sliding import mask_solved
 from ..surface.sparse import factor_dense, solve_factored
@@ -21,9 +21,9 @@ _LEGENDRE = np.polynomial.legendre
 _SWEEPS = 24
 _DAMPED = 0.7  # of the way: by how much Newton's method changes it at most, lest it turns
 _NARROW = 4  # sweeps with the slopes by the surfaces' states alone, and then until new ones do not help
-_CHORD = 0.05  # of the change before: by less a sweep serves with the slopes that it has
+_CHORD = 0.08  # of the change before: by less a sweep serves with the slopes that it has
 _ALIKE = 1e-8  # of the way since the start: what Newton's method is content with where it comes no nearer
-_CHANGED = 1e-13  # of that way, and 1e-3 of rtol: what Newton's method would still change, at its pace
+_CHANGED = 1e-13  # of that way, and 0.1 of rtol: what Newton's method would still change, at its pace
 _HELD = 1e-10  # of the multipliers of other sticks: roundings of a direction are no less
 _ROUNDING, _BLURRED = 1e-15, 1e-3  # of the states, and of a rate: what roundings may make of it
 _DEFECT = 10.0  # tolerances: that of the polynomial, whose order is half of that of the step's end
@@ -60,8 +60,9 @@ def _radau():
 
 
 NODES, WEIGHTS, LAGRANGE = _radau()
-_COLUMNS = WEIGHTS.T.copy()
-_RATES = np.linalg.inv(WEIGHTS)
+# By columns: integrals, rates and coefficients from values at the nodes; and what integrates a power.
+_COLUMNS, _RATES, _LAGRANGE = WEIGHTS.T.copy(), np.linalg.inv(WEIGHTS).T.copy(), LAGRANGE.T.copy()
+_SHARES = 1.0 / np.arange(1.0, STAGES + 1)
 _BETWEEN = 0.5 * (NODES[-1] + NODES[-2])
 
 
@@ -78,49 +79,55 @@ def rates(P, S, W, t):
     return found
 
 
+@inlined_kernel
+def _combined(columns, values):
+    """The sum of the columns, each times its value, as a vector."""
+    total = load8(columns[0], 0) * values[0]
+    for s in range(1, STAGES):
+        total = total + load8(columns[s], 0) * values[s]
+    return total
+
+
 @kernel
 def integrate(W, h, rates):
     """Overwrites onset.sums by the integrals up to the nodes of what has these values there."""
-    total = load8(_COLUMNS[0], 0) * (h * rates[0])
-    for s in range(1, STAGES):
-        total = total + load8(_COLUMNS[s], 0) * (h * rates[s])
-    store8(W.onset.sums, 0, total)
+    store8(W.onset.sums, 0, _combined(_COLUMNS, rates) * h)
 
 
 @kernel
 def _nudge(P, W, q, i, reach):
     """A change of state i that moves no slipping surface by more than a small part of what it is at node q."""
-    nudge = 1e-7 * (reach + abs(W.onset.y[q, i] - W.onset.x[i])) + 1e-300
+    nudge = 1e-7 * (reach + abs(W.onset.y[i, q] - W.onset.x[i])) + 1e-300
     for j in range(P.m):
         if P.disc_of[j] >= 0 and W.onset.slips[P.disc_of[j]]:
             for e in range(P.dh_row[j], P.dh_row[j + 1]):
                 if P.dh_col[e] == i and W.dh[e] != 0.0:
                     size, slope = W.onset.size[P.disc_of[j]], abs(W.dh[e])
                     # A surface that is no state is known to the rounding of what it is made of.
-                    rounding = 0.0 if P.surface_state[j] >= 0 else 1e-16 * slope * abs(W.onset.y[q, i])
+                    rounding = 0.0 if P.surface_state[j] >= 0 else 1e-16 * slope * abs(W.onset.y[i, q])
                     nudge = min(nudge, max(1e-6 * size, math.sqrt(rounding * size)) / slope)
     return nudge
 
 
 @kernel
 def _stage(P, S, W, q, t):
-    """Overwrites onset.k[q], the rates at node q; False if none."""
+    """Overwrites onset.k[:, q], the rates at node q; False if none."""
     onset = W.onset
     for i in range(P.n):
-        S.x[i] = onset.y[q, i]
+        S.x[i] = onset.y[i, q]
     found = rates(P, S, W, t)
     for i in range(P.n):
-        onset.k[q, i] = W.dx[i]
+        onset.k[i, q] = W.dx[i]
         found = found and abs(W.dx[i]) < math.inf
     return found
 
 
 @kernel
 def _slopes(P, S, W, q, t):
-    """Overwrites onset.slope[q], the derivatives by the states in onset.columns of what _stage has just left."""
+    """Overwrites onset.slope[..., q], the derivatives by the states in onset.columns of what _stage has just left."""
     onset, n, reach = W.onset, P.n, 0.0
     for i in range(n):
-        reach = max(reach, abs(onset.y[q, i] - onset.x[i]))
+        reach = max(reach, abs(onset.y[i, q] - onset.x[i]))
     for j in range(P.m):
         onset.slips[j] = 0
         if P.kind[j] == DISC and S.status[j] == 1:
@@ -137,7 +144,7 @@ def _slopes(P, S, W, q, t):
             S.x[i] = keep + moved
         rates(P, S, W, t)
         for r in range(n):
-            onset.slope[q, r, c] = (W.dx[r] - onset.k[q, r]) / moved
+            onset.slope[r, c, q] = (W.dx[r] - onset.k[r, q]) / moved
         S.x[i] = keep
 
 
@@ -165,7 +172,7 @@ def _factor(P, W, h):
         for s in range(STAGES):
             column = A[c * STAGES + s]
             for r in range(width):
-                store8(column, r * STAGES, load8(_COLUMNS[s], 0) * (-h * onset.slope[s, onset.columns[r], c]))
+                store8(column, r * STAGES, load8(_COLUMNS[s], 0) * (-h * onset.slope[onset.columns[r], c, s]))
             column[c * STAGES + s] += 1.0
     return factor_dense(A, onset.lower, STAGES * width)
 
@@ -176,19 +183,17 @@ def _newton_step(P, W, h):
     it."""
     onset, n, width = W.onset, P.n, W.onset.narrow
     for r in range(n):
-        integrate(W, h, onset.k[:, r])
-        for q in range(STAGES):
-            onset.change[r, q] = onset.x[r] - onset.y[q, r] + onset.sums[q]
+        way = load8(onset.y[r], 0) - splat8(onset.x[r])
+        store8(onset.change[r], 0, _combined(_COLUMNS, onset.k[r]) * h - way)
     for c in range(width):
         store8(onset.rest, c * STAGES, load8(onset.change[onset.columns[c]], 0))
     solve_factored(onset.matrix, onset.lower, STAGES * width, onset.rest, onset.found)
     for r in range(n):
-        for s in range(STAGES):
-            onset.rest[s] = 0.0
-            for c in range(width):
-                onset.rest[s] += onset.slope[s, r, c] * onset.found[c * STAGES + s]
-        integrate(W, h, onset.rest)
-        store8(onset.change[r], 0, load8(onset.change[r], 0) + load8(onset.sums, 0))
+        rest = splat8(0.0)
+        for c in range(width):
+            rest = rest + load8(onset.slope[r, c], 0) * load8(onset.found, c * STAGES)
+        store8(onset.rest, 0, rest)
+        store8(onset.change[r], 0, load8(onset.change[r], 0) + _combined(_COLUMNS, onset.rest) * h)
     # Of their own states what has been solved for, to the last bit.
     for c in range(width):
         store8(onset.change[onset.columns[c]], 0, load8(onset.found, c * STAGES))
@@ -200,8 +205,8 @@ def _rate_rounding(W, i):
     that has hardly begun."""
     onset, total = W.onset, 0.0
     for c in range(onset.narrow):
-        total += abs(onset.slope[STAGES - 1, i, c] * onset.y[STAGES - 1, onset.columns[c]])
-    return min(_ROUNDING * total, _BLURRED * abs(onset.k[STAGES - 1, i]))
+        total += abs(onset.slope[i, c, STAGES - 1] * onset.y[onset.columns[c], STAGES - 1])
+    return min(_ROUNDING * total, _BLURRED * abs(onset.k[i, STAGES - 1]))
 
 
 @kernel
@@ -228,18 +233,18 @@ def solve(P, C, S, W, t, h):
             for q in range(STAGES):
                 step = onset.change[i, q]
                 # Beside the way since the start: of a slip that has just begun its own size is what matters.
-                way = abs(onset.y[q, i] - onset.x[i]) + 10.0 * C.atol[i]
+                way = abs(onset.y[i, q] - onset.x[i]) + 10.0 * C.atol[i]
                 if onset.still[i] == 0:
-                    change = max(change, (abs(step) - 4e-15 * abs(onset.y[q, i]) - known) / way)
+                    change = max(change, (abs(step) - 4e-15 * abs(onset.y[i, q]) - known) / way)
                 total += step
         share = min(1.0, _DAMPED / change) if anew else 1.0
         for q in range(STAGES):
             for i in range(n):
-                onset.y[q, i] += share * onset.change[i, q]
+                onset.y[i, q] += share * onset.change[i, q]
         if not abs(total) < math.inf or (anew and sweep > 12 and change > before):
             return False
         pace = min(1.0, change / before) if sweep > 0 else 1.0
-        if change * pace <= max(_CHANGED, 1e-3 * C.rtol) or (sweep > 2 and change <= _ALIKE and pace > 0.5):
+        if change * pace <= max(_CHANGED, 0.1 * C.rtol) or (sweep > 2 and change <= _ALIKE and pace > 0.5):
             return True
         anew = change > _CHORD * before
         before = change
@@ -253,21 +258,17 @@ def polynomials(P, S, W, h):
     for r in range(n + 2 * m + P.ne):
         for c in range(rows.shape[1]):
             rows[r, c] = 0.0
-    # Rates from the states: the model's own know h/|h| of a slip that has just begun to a rounding over |h| only.
-    for q in range(STAGES):
-        for i in range(n):
-            onset.k[q, i] = 0.0
-            for s in range(STAGES):
-                onset.k[q, i] += _RATES[q, s] * (onset.y[s, i] - onset.x[i]) / h
+    scale = powers8(1.0 / h)
     for i in range(n):
-        rows[i, 0], rows[i, 1] = onset.x[i], onset.first[i]
-        scale = 1.0
-        for c in range(STAGES):
-            total = 0.0
-            for q in range(STAGES):
-                total += LAGRANGE[c, q] * (onset.k[q, i] - onset.first[i])
-            rows[i, c + 1] += total * scale / (c + 1)
-            scale /= h
+        # Rates from the states: the model's own know h/|h| of a slip that has just begun to a rounding over |h| only.
+        for q in range(STAGES):
+            onset.rest[q] = onset.y[i, q] - onset.x[i]
+        store8(onset.k[i], 0, _combined(_RATES, onset.rest) * (1.0 / h))
+        for q in range(STAGES):
+            onset.rest[q] = onset.k[i, q] - onset.first[i]
+        rows[i, 0] = onset.x[i]
+        store8(rows[i], 1, _combined(_LAGRANGE, onset.rest) * load8(_SHARES, 0) * scale)
+        rows[i, 1] += onset.first[i]
     for j in range(m):
         rows[n + j, 0] = onset.mult[j]
     for i in range(m + P.ne):
@@ -275,15 +276,12 @@ def polynomials(P, S, W, h):
     # Of what is no state the values at the nodes, less that at the start, over the time since: one order less.
     for q in range(STAGES):
         for i in range(n):
-            S.x[i] = onset.y[q, i]
+            S.x[i] = onset.y[i, q]
         rates(P, S, W, S.t + NODES[q] * h)
         for r in range(2 * m + P.ne):
             now = S.mult[r] if r < m else W.h[r - m]
-            change = (now - rows[n + r, 0]) / NODES[q]
-            scale = 1.0 / h
-            for c in range(STAGES):
-                rows[n + r, c + 1] += LAGRANGE[c, q] * change * scale
-                scale /= h
+            change = (now - rows[n + r, 0]) / (NODES[q] * h)
+            store8(rows[n + r], 1, load8(rows[n + r], 1) + load8(_LAGRANGE[q], 0) * change * scale)
 
 
 @kernel

@@ -12,7 +12,7 @@ from .steps import SURFACE_ROUNDING, dot, powers, surface_rows
 
 # Of a step whose end is not what its series says. What is off by rounding falls with the step, what a series does not
 # tell far faster.
-_MOST_HALVINGS, _MOST_IN_VAIN, _AS_FAST = 200, 6, 0.3
+_MOST_SHORTENINGS, _MOST_IN_VAIN, _AS_FAST = 200, 6, 0.3
 
 
 @kernel
@@ -53,11 +53,11 @@ def _misfit(P, C, S, t, s, W):
 
 @kernel
 def shorten_to_fit(P, C, S, W, best):
-    """Halves a step until its end is what its series says; returns it, and where something is met first in it."""
+    """Shortens a step until its end is what its series says; returns it, and where something is met first in it."""
     step, power = W.step, W.step.power
     h, last, in_vain = step.length, math.inf, 0
     longest = h
-    for _ in range(_MOST_HALVINGS):
+    for _ in range(_MOST_SHORTENINGS):
         end = min(best, 1.0) * h
         powers(power, end)
         off = _misfit(P, C, S, step.start, end, W)
@@ -67,7 +67,9 @@ def shorten_to_fit(P, C, S, W, best):
             in_vain += 1
         if off <= 1.0 or in_vain == _MOST_IN_VAIN:
             break
-        last, h = off, 0.5 * end
+        # At first by what a series asks for whose terms beyond the last are about as large, then by halves.
+        share = max(0.5, 0.9 * off ** (-1.0 / C.order)) if last == math.inf else 0.5
+        last, h = off, share * end
         powers(power, h)
         step.length = h
         best = find_first(P, C, S, W)

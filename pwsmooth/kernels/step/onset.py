@@ -29,7 +29,7 @@ _PROJECTIONS = 50  # of several discs, one after the other
 # The excess of the force over the friction, with so much of the square of the angle by which it turns, at the end of a
 # first step, at rtol = 1e-12 and at most: as far as the polynomials of one step tell what happens, as the series of the
 # direction converge the faster the later they begin.
-_STIFF, _STIFFEST, _TURNED = 0.1, 0.25, 2.0
+_STIFF, _STIFFEST, _TURNED = 0.11, 0.25, 2.8
 _AHEAD = 1e-3  # of the longest step: where it is looked at how fast lambda passes its bound
 _AT_REST = 1e-7  # of the accelerations: a slip that begins with less begins with none
 _LEFT = 0.1  # of |h|, that a first guess keeps
@@ -57,7 +57,7 @@ def _stand(P, S, W, q, t):
     """Puts S at node q, with the lambda that would hold in slips that the force leads; returns its excess over 1."""
     excess = 0.0
     for i in range(P.n):
-        S.x[i] = W.onset.y[q, i]
+        S.x[i] = W.onset.y[i, q]
     S.t = t
     for j in range(P.m):
         if _slaved(P, S, W, j):
@@ -72,18 +72,18 @@ def _guess_path(P, S, W, h):
     onset, n, t0, excess = W.onset, P.n, S.t, math.inf
     for q in range(STAGES):
         for i in range(n):
-            onset.y[q, i] = onset.x[i] + NODES[q] * h * onset.first[i]
+            onset.y[i, q] = onset.x[i] + NODES[q] * h * onset.first[i]
     for _ in range(_PICARD):
         before = excess
         for q in range(STAGES):
             excess = _stand(P, S, W, q, t0 + NODES[q] * h)
             rates(P, S, W, S.t)
             for i in range(n):
-                onset.k[q, i] = W.dx[i]
+                onset.k[i, q] = W.dx[i]
         for i in range(n):
-            integrate(W, h, onset.k[:, i])
+            integrate(W, h, onset.k[i])
             for q in range(STAGES):
-                onset.y[q, i] = onset.x[i] + onset.sums[q]
+                onset.y[i, q] = onset.x[i] + onset.sums[q]
         if abs(excess - before) <= _SAME_EXCESS * abs(excess):
             break
     S.t = t0
@@ -112,7 +112,7 @@ def _guess_as_one(P, S, W, h):
                 elif P.kind[j] == DISC and S.status[j] == SOLVED:
                     put_in_slip(P, S, j, 0.0, onset.goal, W)
         for i in range(P.n):
-            onset.y[q, i] = S.x[i]
+            onset.y[i, q] = S.x[i]
     S.t = t0
 
 
@@ -137,7 +137,7 @@ def _guess(P, S, W, h):
             onset.toward[q, j] = S.mult[j]
     for q in range(STAGES):
         for i in range(P.n):
-            S.x[i] = onset.y[q, i]
+            S.x[i] = onset.y[i, q]
         S.t = t0 + NODES[q] * h
         for j in range(P.m):
             if _slaved(P, S, W, j):
@@ -156,7 +156,7 @@ def _guess(P, S, W, h):
                         onset.goal[k] += h * WEIGHTS[q, r] * onset.rate[r, k]
                 put_in_slip(P, S, j, 1.0, onset.goal, W)
         for i in range(P.n):
-            onset.y[q, i] = S.x[i]
+            onset.y[i, q] = S.x[i]
     S.t = t0
 
 
@@ -191,7 +191,7 @@ def _guess_by_longer(P, W, h):
             value = rows[i, STAGES]
             for c in range(STAGES - 1, -1, -1):
                 value = value * NODES[q] * h + rows[i, c]
-            W.onset.y[q, i] = value
+            W.onset.y[i, q] = value
 
 
 @kernel
@@ -254,7 +254,7 @@ def onset(P, C, S, W, longest):
     start.rests = 1 if fastest <= _AT_REST * size else 0
     start.as_one = 1 if not start.goes_on and gather_leaving(P, S, W) else 0
     h = longest
-    stiff = min(_STIFFEST, _STIFF * (1e12 * C.rtol) ** (1.0 / 16.0))
+    stiff = min(_STIFFEST, _STIFF * (1e12 * C.rtol) ** (1.0 / 10.0))
     if start.rests and not start.goes_on:
         ahead = _AHEAD * longest
         slope = _unlike(P, S, W, t, ahead) / ahead

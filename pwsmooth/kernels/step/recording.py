@@ -81,7 +81,7 @@ def _put_nodes_on_tape(P, S, R, W):
     for q in range(STAGES):
         put_on_tape(P, S, R, TAPE_NODE, 0, 0, 0, 0.0)
         for i in range(n):
-            R.tape_x[S.taped - 1, 2 + i] = W.onset.y[q, i]
+            R.tape_x[S.taped - 1, 2 + i] = W.onset.y[i, q]
         for j in range(P.m):
             if S.status[j] == SOLVED:
                 row, value = W.step.rows[W.step.mult_row + j], 0.0

@@ -8,13 +8,15 @@ from ..machine.compiling import kernel
 from ..machine.pointers import at, call_fields, call_linear
 from ..state import ALGEBRAIC, CLOSING, CONTACT, DISC, HELD, SOLVED, TAPE_STEP
 from ..surface.sliding import INSIDE
-from .closing import MOST, MOST_KEPT, close, pull_of, wants
+from .closing import MOST, MOST_KEPT, STEADY, close, direction_decides, pull_of, wants
 from .recording import put_on_tape
 from .steps import surface_rows
 
 _ROUNDING = 1e-28  # of |h|^2, beside the largest so far
 _NEAR = 100.0  # tolerances of h: so near to rest the slip is closed at once
 _EARLY = 1e-5  # of the largest |h|: so near to rest it is closed if nothing else happens by then
+_SHORT = 0.75  # of the time to rest: a step in time that is worth one that closes it
+_TURNS = 20.0  # of what counts as a line: how far from it a slip that is closed early may be
 _FAST = 0.005  # of the friction: the deceleration of a slip that is closed early
 _BLURRED = 1e-10  # of what a surface is made of that is no state: its roundings are 1e-5 of such a |h|
 _FAR = 8.0  # by how much later than the last slope of |h| tells it may come to rest
@@ -28,23 +30,25 @@ _LEAST_LEFT, _MOST_LEFT = 1e-3, 0.1  # of the time to rest, by a step towards it
 def is_stiff(P, S, W, h):
     """(Whether explicit steps have been as short as a slow slip makes them, for how long it stays slow), by the slopes
     that come_to_rest_in_disc has left."""
-    rows, all_rows, longest, stiff = W.step.rows, surface_rows(P, W.step.kind), math.inf, False
+    rows, all_rows, stiff, longest = W.step.rows, surface_rows(P, W.step.kind), False, math.inf
     for j in range(P.m):
         W.onset.slow[j] = 0
-        if P.kind[j] != DISC or S.status[j] != 1:
-            continue
-        square, slope = at(rows[all_rows[j]], 0), at(rows[all_rows[j]], 1)
-        W.onset.slow[j] = 1 if h * pull_of(P, W, j) > _STIFF * math.sqrt(square) else 0
-        stiff = stiff or W.onset.slow[j] != 0
-        bend = abs(at(rows[all_rows[j]], 2))
-        longest = min(
-            longest, min(4.0 * square / (abs(slope) + 1e-300), math.sqrt(4.0 * square / (bend + 1e-300)))
-        )
+        if P.kind[j] == DISC and S.status[j] == 1:
+            size = math.sqrt(at(rows[all_rows[j]], 0))
+            W.onset.slow[j] = 1 if h * pull_of(P, W, j) > _STIFF * size else 0
+            stiff = stiff or W.onset.slow[j] != 0
     W.onset.stiff = W.onset.stiff + 1 if stiff else 0
     if W.onset.wait > 0:
         W.onset.wait -= 1
         return False, longest
-    return W.onset.stiff > _SEEN and longest > WORTH * h, longest
+    if W.onset.stiff <= _SEEN:
+        return False, longest
+    for j in range(P.m):
+        if P.kind[j] == DISC and S.status[j] == 1:
+            square, slope, bend = at(rows[all_rows[j]], 0), at(rows[all_rows[j]], 1), at(rows[all_rows[j]], 2)
+            longest = min(longest, 4.0 * square / (abs(slope) + 1e-300))
+            longest = min(longest, math.sqrt(4.0 * square / (abs(bend) + 1e-300)))
+    return longest > WORTH * h, longest
 
 
 @kernel
@@ -80,6 +84,21 @@ def _is_alone(P, S, W, j, left):
         if margin <= far * (abs(at(rows[row], 1)) + far * abs(at(rows[row], 2))):
             return False
     return True
+
+
+@kernel
+def _closes_early(P, S, W, j, h, left, first, tolerance):
+    """Whether the way to rest of disc j is left to `close` from here, where the next step in time is h long."""
+    row = W.step.rows[surface_rows(P, W.step.kind)[j]]
+    square, slope, pull = at(row, 0), at(row, 1), pull_of(P, W, j)
+    if -slope < 2.0 * _FAST * pull * math.sqrt(square):  # its direction is stiff in tau
+        return False
+    if h > _SHORT * left and not direction_decides(P, S, W, j):
+        # A step in time goes farther than several of those that close it, as long as it turns.
+        across = first * square - 0.25 * slope * slope
+        if across > -0.5 * slope * pull * _TURNS * STEADY * tolerance:
+            return False
+    return _is_alone(P, S, W, j, left)
 
 
 @kernel
@@ -139,11 +158,10 @@ def come_to_rest_in_disc(P, C, S, R, W, h):
         known = True
         square, slope = at(rows[all_rows[j]], 0), at(rows[all_rows[j]], 1)
         W.meeting.widest[j] = max(W.meeting.widest[j], square)
-        first, second = 1e-300, 0.0
+        first, ticks = 1e-300, 1e-15 * time_size(S)
         for k in range(j + 1, j + 1 + P.dim[j]):
             first += at(rows[all_rows[k]], 1) ** 2
-            second += at(rows[all_rows[k]], 2) ** 2
-        if math.sqrt(square / first) <= 1e-15 * time_size(S):
+        if square <= ticks * ticks * first:
             # Nearer than the clock tells, on its way to rest or past it.
             _come_from(P, S, R, W, j)
             W.meeting.widest[j] = 0.0
@@ -152,18 +170,24 @@ def come_to_rest_in_disc(P, C, S, R, W, h):
             continue
         left = -2.0 * square / slope
         early, late, tolerance = _near_rest(P, C, S, W, j)
-        latest = W.step.stop if square <= late else min(W.step.stop, S.t + _FAR * left)
-        fast = -slope >= 2.0 * _FAST * pull_of(P, W, j) * square**0.5  # else its direction is stiff in tau
-        closes = square <= late or (square <= early and fast and _is_alone(P, S, W, j, left))
-        if closes and S.t + left < latest and _close(P, C, S, R, W, j, square, late, tolerance, latest):
-            W.meeting.widest[j] = 0.0  # the next slip has its own scale
-            return h, j
-        if square <= _ROUNDING * W.meeting.widest[j] or left <= 1e-15 * time_size(S):
+        if square <= early:
+            closes, latest = square <= late, W.step.stop
+            if not closes:
+                latest = min(latest, S.t + _FAR * left)
+                closes = _closes_early(P, S, W, j, h, left, first, tolerance)
+            if closes and S.t + left < latest and _close(P, C, S, R, W, j, square, late, tolerance, latest):
+                W.meeting.widest[j] = 0.0  # the next slip has its own scale
+                return h, j
+        if square <= _ROUNDING * W.meeting.widest[j] or left <= ticks:
             _come_from(P, S, R, W, j)
             W.meeting.widest[j] = 0.0
             return h, j
-        # How much the approach is going to bend, in direction and in speed.
-        bends = math.sqrt(max(0.0, 1.0 - 0.25 * slope * slope / (square * first)))
-        bends += 2.0 * left * math.sqrt(second / first)
-        h = min(h, (1.0 - min(max(bends, _LEAST_LEFT), _MOST_LEFT)) * left)
+        if h > (1.0 - _MOST_LEFT) * left:
+            # How much the approach is going to bend, in direction and in speed.
+            second = 0.0
+            for k in range(j + 1, j + 1 + P.dim[j]):
+                second += at(rows[all_rows[k]], 2) ** 2
+            bends = math.sqrt(max(0.0, 1.0 - 0.25 * slope * slope / (square * first)))
+            bends += 2.0 * left * math.sqrt(second / first)
+            h = min(h, (1.0 - min(max(bends, _LEAST_LEFT), _MOST_LEFT)) * left)
     return h, -1
