@@ -13,7 +13,7 @@ from pwsmooth.codegen import compile_model
 from pwsmooth.codegen.graph.dag import Graph
 from pwsmooth.codegen.graph.scalar import ScalarCode, Writer
 from pwsmooth.codegen.graph.slopes import derivative
-from pwsmooth.definition.model import EventSpec, LayerState, Model, Multiplier, Select
+from pwsmooth.definition.model import EventSpec, Held, LayerState, Model, Multiplier, Select
 
 t, x, y, z, lam, mu = sp.symbols("t x y z lam mu", real=True)
 a, b = sp.symbols("a b", positive=True)
@@ -113,6 +113,15 @@ def test_what_a_scope_needs_anyway_is_computed_once_and_outside_the_branch():
     assert text.count("math.sin") == 1
     assert text.index("math.sin") < text.index("if ")
     assert text.count("if mult[0] == 1.0") == 1  # both selections in one branch
+
+
+@pytest.mark.parametrize(("multiplier", "expected"), [(1.0, 0.5), (-1.0, 0.5), (0.25, 2.0)])
+def test_a_choice_by_whether_a_multiplier_is_held_is_written_once_for_both_of_its_sides(multiplier, expected):
+    graph = Graph(Model(t, (x,), (), (x,), (Multiplier(lam, "switch", lam, x),)))
+    root, body = graph.expression(Held(lam, 1 / x, x)), Writer(0)
+    ScalarCode(graph, body).emit([root])
+    assert body.text().count("1.0 / ") == 1
+    assert evaluate(graph, [root], {"x": [2.0], "mult": [multiplier]}) == [expected]
 
 
 def test_a_selection_that_joins_an_earlier_one_finds_its_shared_parts_outside_the_branch():

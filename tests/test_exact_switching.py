@@ -68,6 +68,23 @@ def test_rest_is_for_ever():
     assert solution.success
 
 
+def test_what_rests_on_what_rests_does_not_creep_by_a_rounding():
+    """A block on a plate on the ground, of random masses and forces: both stop, and no speed is left, not 1e-17."""
+    v, w = sp.symbols("v w", real=True)
+    m, a, b = sp.symbols("m a b", positive=True)
+    above, below = Switch("above", v - w), Switch("below", w)
+    stack = System({v: -a * above, w: (a * above - b * below) / m}, parameters={m: 1, a: 1, b: 1})
+    draw = np.random.default_rng(1)
+    rested = 0
+    for _ in range(60):
+        values = {m: draw.uniform(0.3, 3), a: draw.uniform(0.1, 1), b: draw.uniform(0.1, 2)}
+        run = solve(stack, (0, 60), draw.uniform(-2, 2, 2), parameters=values)
+        if kinds(run).count("stick") + kinds(run).count("sliding to sliding") >= 2:
+            rested += 1
+            assert not run.x[:, -1].any()
+    assert rested > 30
+
+
 # ---- hidden terms: both systems are (-1, 1) and (1, 1) off the surface
 
 

@@ -130,6 +130,7 @@ class Problem(Bundle):
     dh_col: "i8[:]"
     nested: "i8[m]"  # another multiplier stands in the surface, which jumps when that one switches
     surface_state: "i8[m]"  # index of the state that is the surface, or -1
+    holder: "i8[n]"  # the multiplier that keeps a state at 0 while it is solved for, or -1
     direction: "i8[ne]"
     rule: "i8[ne]"  # ADD, SET, or 0
     terminal: "i8[ne]"

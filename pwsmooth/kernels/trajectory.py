@@ -26,7 +26,7 @@ from .instant.folds import (
 )
 from .instant.invariants import CHECK, broken_by
 from .instant.settling import release_held
-from .instant.surface_rates import any_is, keep_sliding
+from .instant.surface_rates import any_is, keep_surfaces
 from .instant.twofolds import two_fold
 from .intervals import time_size
 from .machine.compiling import inlined_kernel, kernel, loop_kernel, unit
@@ -36,11 +36,8 @@ from .state import (
     AGAIN,
     BROKEN,
     CONTACT,
-    CROSSING,
-    DISC,
     GO_ON,
     HELD,
-    KINK,
     NOTHING,
     PAIR,
     SOLVED,
@@ -77,7 +74,7 @@ from .step.steps import (
     reach_singular_surface,
     refine_by_pair,
 )
-from .surface.sliding import INSIDE, follow, keep_on_surface, mask_solved, put_in_slip
+from .surface.sliding import follow, keep_at_rest, mask_solved
 from .surface.vector import begins
 from .work import Work
 
@@ -427,15 +424,9 @@ def advance(P, C, S, R, W):
     if not total < math.inf:
         return Outcome.NOT_FINITE
     if step.sliding:
-        for j in range(P.m):
-            if S.status[j] == SOLVED and P.kind[j] == DISC:
-                if S.mult[j] == 1.0:
-                    S.mult[j] = INSIDE
-                put_in_slip(P, S, j, 0.0, S.mult, W)
-            elif S.status[j] == SOLVED and P.kind[j] < DISC:
-                keep_sliding(P, S, j, W)
-            elif S.status[j] == HELD and (P.kind[j] == KINK or P.kind[j] == CROSSING):
-                keep_on_surface(P, S, j, W)
+        keep_surfaces(P, S, W)
+        if P.discs != 0:
+            keep_at_rest(P, S, W)
         if len(P.contact) > 0:
             stop_closed(P, S, W)
         code = two_fold(P, C, S, R, W)

@@ -94,7 +94,11 @@ class CompiledProblem:
         surface_state = self._numbers("multipliers", [_surface_state(self._text, mu) for mu in multipliers])
         if self._families:
             surface_state = self._families.numbered("multipliers", "states", surface_state)
+        holder = np.full(self.code.n, -1)
+        keeps = (surface_state >= 0) & np.isin(self.kind, (state.SLIDING, state.COMPONENT))
+        holder[surface_state[keeps]] = np.flatnonzero(keeps)
         return dict(
+            holder=holder,
             contact=np.flatnonzero(self.kind == state.CONTACT),
             slope_moves=self._numbers("multipliers", [_slope_moves(mu, fixed) for mu in multipliers]),
             nested=self._numbers("multipliers", [_nested(mu, lams) for mu in multipliers]),

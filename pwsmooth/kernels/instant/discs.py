@@ -28,7 +28,7 @@ from ..state import (
 from ..step.recording import record_ambiguity, record_event
 from ..surface.dependent import put_at_rest
 from ..surface.layer import ARRIVE
-from ..surface.sliding import INSIDE, mask_solved, put_in_slip
+from ..surface.sliding import INSIDE, keep_at_rest, mask_solved
 from ..surface.sparse import link
 from ..surface.vector import begins, push_of_disc, pushes_back, slopes_of_disc, turn
 from .settling import layer_code, settle_at_rest
@@ -113,10 +113,10 @@ def settle_disc(P, S, R, W, j, arrives):
     It comes in the direction of slip in the components' multipliers (`arrives`), or from the lambda that stands there.
     """
     d = P.dim[j]
-    put_in_slip(P, S, j, 0.0, S.mult, W)
     for k in range(j + 1, j + 1 + d):
         W.instant.mult[k] = S.mult[k]
     hold(P, S, j)
+    keep_at_rest(P, S, W)
     for k in range(j + 1, j + 1 + d):
         W.together.move[k] = 0.0
     if depend(P, S, W, j):

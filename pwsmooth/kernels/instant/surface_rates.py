@@ -6,7 +6,7 @@ Chain: pointers.py, sliding.py -> **this file** -> holding.py and all that acts 
 from ..intervals import pace
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.pointers import call_act, call_fields, call_linear
-from ..state import SECOND_ORDER, SLIDING
+from ..state import CROSSING, DISC, HELD, KINK, SECOND_ORDER, SLIDING, SOLVED
 from ..step.steps import take_jet, take_slip_jet
 from ..surface.sliding import follow, keep_on_surface, mask_instant, mask_solved, surface_rounding
 
@@ -186,3 +186,20 @@ def keep_sliding(P, S, j, W):
     keep_on_surface(P, S, j, W)
     if P.kind[j] == SECOND_ORDER and abs(approach_speed(P, S, j, W)) > W.instant.rest_speed:
         stop_normal_speed(P, S, j, W, False)
+
+
+@kernel
+def keep_surfaces(P, S, W):
+    """Puts S.x on the surfaces of all switches that hold: first where that says what states are, which others leave."""
+    others = False
+    for turn in range(2):
+        for j in range(P.m):
+            held = S.status[j] == HELD and (P.kind[j] == KINK or P.kind[j] == CROSSING)
+            if not held and (S.status[j] != SOLVED or P.kind[j] >= DISC):
+                continue
+            if (P.surface_state[j] >= 0) == (turn == 0):
+                keep_sliding(P, S, j, W)
+            else:
+                others = True
+        if not others:
+            break

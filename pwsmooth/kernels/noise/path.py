@@ -38,7 +38,7 @@ from ..state import (
 )
 from ..step.recording import has_room, record_point
 from ..step.roots import NO_ROOT
-from ..surface.sliding import INSIDE, follow, keep_on_surface, mask_solved, put_in_slip, surface_rounding
+from ..surface.sliding import INSIDE, follow, keep_at_rest, keep_on_surface, mask_solved, surface_rounding
 from ..work import Work
 from .discs import ALIKE, SWEEPS, end_slow, mark_slow, time_to_turn, turn_slow
 from .folds import aim_beyond, attracts, flattest
@@ -155,8 +155,8 @@ def _step(P, S, W, N):
     for j in range(P.m):
         if S.status[j] == SOLVED and P.kind[j] == SLIDING:
             keep_on_surface(P, S, j, W)
-        elif S.status[j] == SOLVED and P.kind[j] == DISC:
-            put_in_slip(P, S, j, 0.0, S.mult, W)
+    if P.discs != 0:
+        keep_at_rest(P, S, W)
     return found
 
 

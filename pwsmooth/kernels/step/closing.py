@@ -248,7 +248,9 @@ def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
         fastest = max(fastest, abs(W.g[j + 1 + i]))
     pull = max(fastest, pull_of(P, W, j))
     W.layer.pace = 1.0 / fastest
-    along = _closing_rates(P, S, W, j, size, y, k, 0)
+    along, turns = _closing_rates(P, S, W, j, size, y, k, 0), 0.0
+    for i in range(d):
+        turns = max(turns, abs(k[0, i]))
     step = 0.5 / (W.layer.pace * pull)
     for i in range(P.m):
         W.step.mult[i] = S.mult[i]
@@ -266,25 +268,27 @@ def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
             return False
         if leaves:
             _leave_step(P, C, S, R, W, j, size, step)
-        turns = 0.0
+        turned, turns = turns, 0.0
         for i in range(_X + n):
             y[i], k[0, i] = new[i], k[STAGES, i]
         for i in range(d):
             turns = max(turns, abs(k[0, i]))
         for i in range(P.m):
             W.step.mult[i] = S.mult[i]
-        # Along a direction that it no longer leaves, and at a rate that it keeps, the rest is a line.
+        # Along a direction that it no longer leaves, and at a rate that it keeps, the rest is a line. Where it turns
+        # less and less, h comes to 0 across it as well; where it turns away, what is across is by how much it misses.
+        aims = not decides and turns < turned
         angle, change = turns / (W.layer.pace * pull), abs(along - before) / (step * abs(k[0, _LOG]))
         left, worth = size * math.exp(y[_LOG]), STEADY * tolerance * abs(along)
         if decides:
             straight = angle <= _STRAIGHT and angle * angle * pull <= _BENT * abs(along)
         else:
-            straight = angle * angle * left * pull <= worth
+            straight = angle * (angle if aims else 1.0) * left * pull <= worth
         straight = straight and change * left <= worth
         if along < 0.0 and (straight or y[_LOG] < _CLOSED):
             for i in range(d):
                 y[i] = S.mult[j + 1 + i]
-            if not decides:
+            if aims:
                 _aim_at_rest(P, S, W, j, left / -along)
             _rest_of_line(P, C, S, R, W, j, left / -along, leaves)
             for i in range(d):

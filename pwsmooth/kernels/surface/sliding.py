@@ -11,7 +11,7 @@ from numba import types
 from ..intervals import time_size
 from ..machine.compiling import inlined_kernel, kernel, unit
 from ..machine.pointers import call_fields, call_linear, call_newton
-from ..state import ALGEBRAIC, COMPONENT, CONTACT, SECOND_ORDER, SOLVED, Problem, State
+from ..state import ALGEBRAIC, COMPONENT, CONTACT, DISC, SECOND_ORDER, SOLVED, Problem, State
 from ..work import Work
 from .sparse import entry, solve_dense, solve_masked
 
@@ -112,9 +112,16 @@ def mask_instant(P, S, W):
     return some
 
 
+@inlined_kernel
+def _is_kept(P, S, i, j):
+    """Whether state i is 0 as the surface of another multiplier than j, or than those of disc j, that is solved for."""
+    k = P.holder[i]
+    return k >= 0 and k != j and P.disc_of[k] != j and S.status[k] == SOLVED
+
+
 @kernel
 def keep_on_surface(P, S, j, W):
-    """Puts S.x exactly on h_j = 0."""
+    """Puts S.x exactly on h_j = 0, by the least change of what no other surface keeps."""
     if P.surface_state[j] >= 0:
         S.x[P.surface_state[j]] = 0.0
         return
@@ -125,11 +132,13 @@ def keep_on_surface(P, S, j, W):
         call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
         square = 0.0
         for e in range(P.dh_row[j], P.dh_row[j + 1]):
-            square += W.dh[e] ** 2
+            if not _is_kept(P, S, P.dh_col[e], j):
+                square += W.dh[e] ** 2
         if not square > 0.0:
             return
         for e in range(P.dh_row[j], P.dh_row[j + 1]):
-            S.x[P.dh_col[e]] -= W.dh[e] * W.h[j] / square
+            if not _is_kept(P, S, P.dh_col[e], j):
+                S.x[P.dh_col[e]] -= W.dh[e] * W.h[j] / square
 
 
 @kernel
@@ -149,16 +158,36 @@ def is_at_rest(P, S, j, W):
 
 
 @kernel
+def _are_states(P, j):
+    """Whether the surfaces of disc j are states."""
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        if P.surface_state[k] < 0:
+            return False
+    return True
+
+
+@kernel
+def keep_at_rest(P, S, W):
+    """Puts S.x where h = 0 for all discs that stick, inside their bound: first where that says what states are, which
+    the others leave."""
+    for turn in range(2):
+        for j in range(P.m):
+            if P.kind[j] == DISC and S.status[j] == SOLVED and _are_states(P, j) == (turn == 0):
+                if S.mult[j] == 1.0:
+                    S.mult[j] = INSIDE
+                put_in_slip(P, S, j, 0.0, S.mult, W)
+
+
+@kernel
 def put_in_slip(P, S, j, size, toward, W):
-    """Puts S.x where the surfaces of disc j are `size` in the direction `toward` (m,), by the least change.
+    """Puts S.x where the surfaces of disc j are `size` in the direction `toward` (m,), by the least change of what no
+    other disc keeps.
 
     All rows at once, Dh Dh' u = h - level: one after another they would spoil each other where gradients are not
     orthogonal.
     """
-    d, A, states = P.dim[j], W.disc, True
-    for k in range(j + 1, j + 1 + d):
-        states = states and P.surface_state[k] >= 0
-    if states:
+    d, A = P.dim[j], W.disc
+    if _are_states(P, j):
         for k in range(j + 1, j + 1 + d):
             S.x[P.surface_state[k]] = size * toward[k] if size != 0.0 else 0.0
         return
@@ -173,12 +202,14 @@ def put_in_slip(P, S, j, size, toward, W):
             for c in range(d):
                 A[r, c] = 0.0
                 for e in range(P.dh_row[k], P.dh_row[k + 1]):
-                    A[r, c] += W.dh[e] * entry(P.dh_row, P.dh_col, W.dh, j + 1 + c, P.dh_col[e])
+                    if not _is_kept(P, S, P.dh_col[e], j):
+                        A[r, c] += W.dh[e] * entry(P.dh_row, P.dh_col, W.dh, j + 1 + c, P.dh_col[e])
         if there or not solve_dense(A, d, 1):
             return
         for r in range(d):
             for e in range(P.dh_row[j + 1 + r], P.dh_row[j + 2 + r]):
-                S.x[P.dh_col[e]] -= W.dh[e] * A[r, d]
+                if not _is_kept(P, S, P.dh_col[e], j):
+                    S.x[P.dh_col[e]] -= W.dh[e] * A[r, d]
 
 
 @kernel
