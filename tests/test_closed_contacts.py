@@ -5,6 +5,7 @@ Closed forms: uniformly accelerated flights, Newton's restitution, complementari
 
 import math
 
+import mpmath
 import numpy as np
 import pytest
 import sympy as sp
@@ -104,6 +105,67 @@ def test_two_contacts_that_close_at_one_instant():
     fall = math.sqrt(2)  # both gaps, 1 - t^2/2 and 1 - t/fall, vanish then
     s = ends(two_masses(), 3, [1, 0, 2, -1 / fall])
     assert [s[name][-1] for name in "xvyw"] == pytest.approx([0, 0, 0, 0], abs=1e-12)
+
+
+RATIOS = (0.3, 0.3, 0.2)
+STACKS = [  # masses, heights, speeds
+    ((2.1, 0.8, 3.0), (0.77, 1.73, 2.1), (-0.1, -0.5, -0.9)),
+    ((0.9, 0.5, 1.8), (0.5, 0.62, 0.86), (0.8, -0.7, -0.3)),
+    ((2.9, 0.6, 1.4), (0.82, 0.94, 1.1), (0.9, 0.4, -0.5)),
+]
+
+
+def collapse_in_digits(masses, heights, speeds):
+    """Time of inelastic collapse of three masses above a floor under gravity 1, impact by impact in 300 digits, and how
+    many impacts there are until their speeds are 1e-25."""
+    with mpmath.workdps(300):
+        y, u = [list(map(mpmath.mpf, q)) for q in (heights, speeds)]
+        e, mass = [list(map(mpmath.mpf, q)) for q in (RATIOS, masses)]
+        time = mpmath.mpf(0)
+        for count in range(1, 5000):
+            meets = [(u[0] + mpmath.sqrt(u[0] ** 2 + 2 * y[0]), 0)]
+            meets += [((y[i] - y[i - 1]) / (u[i - 1] - u[i]), i) for i in (1, 2) if u[i] < u[i - 1]]
+            step, i = min(meets)
+            time += step
+            y = [a + b * step - step**2 / 2 for a, b in zip(y, u, strict=True)]
+            u = [b - step for b in u]
+            if i == 0:
+                u[0], y[0] = -e[0] * u[0], mpmath.mpf(0)
+            else:
+                kick = (1 + e[i]) * (u[i - 1] - u[i]) / (1 / mass[i] + 1 / mass[i - 1])
+                u[i], u[i - 1] = u[i] + kick / mass[i], u[i - 1] - kick / mass[i - 1]
+                y[i] = y[i - 1]
+            if max(map(abs, u)) < 1e-25:
+                return float(time), count
+    return math.nan, count
+
+
+@pytest.mark.parametrize(("masses", "heights", "speeds"), STACKS)
+def test_impacts_among_three_masses_that_fall_on_each_other_come_to_an_end(masses, heights, speeds):
+    """Inelastic collapse: hundreds of impacts within the rounding of time."""
+    z, q = sp.symbols("z q", real=True)
+    gaps = (x, y - x, z - y)
+    named = zip(gaps, RATIOS, "ABC", strict=True)
+    A, B, C = (Unilateral(gap, restitution=e, name=name).reaction for gap, e, name in named)
+    a, b, c = masses
+    stack = System({x: v, y: w, z: q, v: -1 + (A - B) / a, w: -1 + (B - C) / b, q: -1 + C / c})
+    run = ends(stack, 40, dict(zip((x, y, z, v, w, q), (*heights, *speeds), strict=True)))
+    time, count = collapse_in_digits(masses, heights, speeds)
+    assert count > 100
+    assert [e.kind for e in run.events][-6:] == 3 * ["accumulation"] + 3 * ["closed contact"]
+    assert run.events[-1].time == pytest.approx(time, abs=1e-11)
+    assert run.x[:, -1] == pytest.approx(np.zeros(6), abs=1e-20)
+
+
+@pytest.mark.parametrize("span", [1, 1e3, 1e6])
+def test_a_pile_does_not_sink_however_long_it_rests(span):
+    """Forces are known to a rounding, and a rounding of them has moved a body by 1e-4 after 1e6."""
+    z, q = sp.symbols("z q", real=True)
+    A, B, C = (Unilateral(gap, name=name).reaction for gap, name in zip((x, y - x, z - y), "ABC", strict=True))
+    pile = System({x: v, y: w, z: q, v: -1 + (A - B) / 2.9, w: -1 + (B - C) / 0.6, q: -1 + C / 1.4})
+    for start in (0, 0.1):
+        s = ends(pile, span, [start, start, start, 0, 0, 0])
+        assert s.x[:, -1] == pytest.approx(np.zeros(6), abs=1e-20)
 
 
 def test_what_depends_on_the_order_of_impacts_is_recorded():

@@ -95,7 +95,7 @@ class CompiledProblem:
         if self._families:
             surface_state = self._families.numbered("multipliers", "states", surface_state)
         holder = np.full(self.code.n, -1)
-        keeps = (surface_state >= 0) & np.isin(self.kind, (state.SLIDING, state.COMPONENT))
+        keeps = (surface_state >= 0) & np.isin(self.kind, (state.SLIDING, state.COMPONENT, state.CONTACT))
         holder[surface_state[keeps]] = np.flatnonzero(keeps)
         return dict(
             holder=holder,

@@ -15,13 +15,14 @@ Chain: instants.py, starting.py -> **this file** -> sparse.py, sliding.py.
 
 import math
 
-from ..intervals import forget_intervals, note_interval
+from ..intervals import forget_intervals, note_interval, time_size
 from ..machine.compiling import kernel
 from ..machine.pointers import call_act, call_fields, call_linear, call_newton
 from ..outcome import Outcome
 from ..state import (
     AMB_IMPACTS,
     AMB_INDETERMINATE,
+    EV_ACCUMULATION,
     EV_CLOSED,
     EV_IMPACT,
     EV_OPENING,
@@ -33,12 +34,15 @@ from ..state import (
     TAPE_ROUND,
 )
 from ..step.recording import put_on_tape, record_ambiguity, record_event
-from ..surface.sliding import keep_on_surface, mask_solved, surface_rounding
+from ..surface.sliding import common_gradient, go_along_gradient, keep_on_surface, mask_solved, surface_rounding
 from ..surface.sparse import entry, solve_dense, solve_masked
 from .surface_rates import approach_speed, evaluate_surfaces
 
 INCONSISTENT, UNSOLVABLE, UNCHANGED, CHANGED = -2, -1, 0, 1
 PRESSING = -1  # known zeros of the gap of a contact that rests and is pressed from now on
+UNTOLD = 1e-14  # of the time: instants that close are not told apart
+_MOST_IMPACTS, _SMALLEST_GAP = 20_000, 1e-100
+_TURNS = 3  # of a projection: the gaps of bodies that turn are not linear
 _HEAVY = float(2**30)  # a reaction beside which all other forces are small
 _EQUAL = 1e-12  # of the largest speed or force: what is smaller is rounding
 _JAM = 1e-6  # of what friction does to a gap, beside which the rest of its reaction is small
@@ -446,6 +450,54 @@ def settle_contacts(P, S, R, W):
 
 
 @kernel
+def impact_to_the_end(P, S, R, W):
+    """Impacts that follow each other faster than the clock tells, as among bodies that fall on each other, until none
+    is left, or they come to rest (inelastic collapse). False if there are too many.
+
+    Forces do nothing meanwhile, so gaps count by their ratios: smaller and smaller ones stand for those of the motion.
+    """
+    contacts, size, fastest = W.contacts, 0, 0.0
+    gap, impacts = contacts.load, contacts.chosen
+    for c in range(len(P.contact)):
+        fastest = max(fastest, abs(approach_speed(P, S, P.contact[c], W)))
+    for c in range(len(P.contact)):
+        j = P.contact[c]
+        met = S.status[j] == SOLVED or W.instant.hit[j]
+        if met or W.h[j] <= UNTOLD * time_size(S) * fastest:
+            contacts.touching[size], impacts[size] = j, 0
+            gap[size] = 0.0 if met else max(W.h[j], 0.0)
+            size += 1
+    for _ in range(_MOST_IMPACTS):
+        found, first, moves = -1, math.inf, False
+        for a in range(size):
+            contacts.speed[a] = approach_speed(P, S, contacts.touching[a], W)
+            moves = moves or abs(contacts.speed[a]) > W.instant.rest_speed
+            if contacts.speed[a] < -W.instant.rest_speed and gap[a] < first * -contacts.speed[a]:
+                found, first = a, gap[a] / -contacts.speed[a]
+        if found < 0:
+            break
+        largest = 0.0
+        for a in range(size):
+            gap[a] = max(0.0, gap[a] + first * contacts.speed[a]) if a != found else 0.0
+            largest = max(largest, gap[a])
+        for a in range(size if 0.0 < largest < _SMALLEST_GAP else 0):
+            gap[a] /= largest
+        _rebound(P, S, W, contacts.touching[found])
+        for i in range(P.n):
+            S.x[i] = contacts.after[i]
+        impacts[found] = 1
+    for a in range(size):
+        j = contacts.touching[a]
+        if impacts[a]:
+            record_event(S, R, j, EV_IMPACT if moves else EV_ACCUMULATION, 1, 1)
+            forget_intervals(S.last[j], S.t)
+            W.instant.hit[j] = True
+            S.deflate[j] = 1
+    W.instant.jumped = 1
+    return found < 0
+
+
+@kernel
 def close_at_start(P, S, R, W):
     """Closes the contacts that touch at rest at the start of a run; whether forces do that: a code."""
     before = S.events
@@ -462,18 +514,61 @@ def outcome_of(code):
 
 
 @kernel
+def _close_gaps(P, S, W, size):
+    """Puts S.x where the gaps of the touching contacts are 0, by the least change of what none of them is by itself.
+
+    All at once: one after the other each would open its neighbours, by what the forces of a pile have been off in all
+    the time that it rests. So it is where they depend on each other, as the legs of a table.
+    """
+    A, touching = W.contacts.pivots, W.contacts.touching
+    for a in range(size):
+        if P.surface_state[touching[a]] >= 0:
+            S.x[P.surface_state[touching[a]]] = 0.0
+    for _ in range(_TURNS):
+        evaluate_surfaces(P, S, W)
+        count, apart = 0, False
+        for a in range(size):
+            j = touching[a]
+            if P.surface_state[j] >= 0:
+                continue
+            columns = 0
+            for b in range(size):
+                if P.surface_state[touching[b]] < 0:
+                    A[count, columns] = common_gradient(P, S, W, j, touching[b])
+                    columns += 1
+            A[count, columns] = W.h[j]
+            apart = apart or W.h[j] != 0.0
+            count += 1
+        if not apart:
+            return
+        if not solve_dense(A, count, 1):
+            break
+        row = 0
+        for a in range(size):
+            if P.surface_state[touching[a]] < 0:
+                go_along_gradient(P, S, W, touching[a], -A[row, count])
+                row += 1
+    else:
+        return
+    for a in range(size):
+        keep_on_surface(P, S, touching[a], W)
+
+
+@kernel
 def stop_closed(P, S, W):
     """Puts every closed contact exactly on its gap's zero, and takes from the state what is left of the gaps' rates."""
     contacts = W.contacts
     size = 0
     for c in range(len(P.contact)):
-        j = P.contact[c]
-        if S.status[j] == SOLVED:
-            keep_on_surface(P, S, j, W)
-            contacts.touching[size] = j
+        if S.status[P.contact[c]] == SOLVED:
+            contacts.touching[size] = P.contact[c]
             size += 1
     if size == 0:
         return
+    if size == 1:
+        keep_on_surface(P, S, contacts.touching[0], W)
+    else:
+        _close_gaps(P, S, W, size)
     for a in range(size):
         contacts.chosen[a] = 1
         contacts.load[a] = approach_speed(P, S, contacts.touching[a], W)

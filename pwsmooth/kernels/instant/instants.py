@@ -44,7 +44,15 @@ from ..surface.sliding import keep_on_surface, surface_rounding
 from ..surface.sparse import link
 from ..work import Work
 from .accumulation import AT_ONCE, at_once_within, is_passed, pass_accumulation
-from .contacts import UNCHANGED, outcome_of, part_or_press, settle_contacts, stop_closed
+from .contacts import (
+    UNCHANGED,
+    UNTOLD,
+    impact_to_the_end,
+    outcome_of,
+    part_or_press,
+    settle_contacts,
+    stop_closed,
+)
 from .discs import free_components, resettle_discs, settle_discs, slip_by_layer
 from .dry_friction import leave_loop, settle_friction
 from .firing import events, sides_after_crossing, sides_after_jump, step_inside
@@ -393,10 +401,13 @@ def at_instant(P, C, S, R, W):
     if R.tape.shape[0] > 0:
         put_causes_on_tape(P, C, S, R, W)
     record_point(P, S, R)
-    S.stalled = S.stalled + 1 if elapsed <= 1e-14 * time_size(S) else 0
-    if S.stalled > MOST_AT_ONCE:
-        return Outcome.CHATTERING
+    S.stalled = S.stalled + 1 if elapsed <= UNTOLD * time_size(S) else 0
     events_before = S.events
+    if S.stalled > MOST_AT_ONCE:
+        # Derivatives do not go through what is told as one instant.
+        if len(P.contact) == 0 or R.tape.shape[0] > 0 or not impact_to_the_end(P, S, R, W):
+            return Outcome.CHATTERING
+        S.stalled = 0
     only = only_one(P, S, W) if fold < 0 and instant.at_clock == 0 else -1
     if only >= 0:
         code = cross_stick_or_leave(P, S, R, W, only)

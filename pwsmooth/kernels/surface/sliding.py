@@ -114,9 +114,27 @@ def mask_instant(P, S, W):
 
 @inlined_kernel
 def _is_kept(P, S, i, j):
-    """Whether state i is 0 as the surface of another multiplier than j, or than those of disc j, that is solved for."""
+    """Whether state i is 0 as the surface of another multiplier that is solved for, but for those of the disc of j."""
     k = P.holder[i]
-    return k >= 0 and k != j and P.disc_of[k] != j and S.status[k] == SOLVED
+    return k >= 0 and S.status[k] == SOLVED and k != j and (P.disc_of[k] < 0 or P.disc_of[k] != P.disc_of[j])
+
+
+@kernel
+def common_gradient(P, S, W, j, k):
+    """The product of the gradients of surfaces j and k in W.dh, over the states that no other surface keeps at 0."""
+    total = 0.0
+    for e in range(P.dh_row[j], P.dh_row[j + 1]):
+        if not _is_kept(P, S, P.dh_col[e], j):
+            total += W.dh[e] * (W.dh[e] if k == j else entry(P.dh_row, P.dh_col, W.dh, k, P.dh_col[e]))
+    return total
+
+
+@kernel
+def go_along_gradient(P, S, W, j, share):
+    """Moves S.x by a multiple of the gradient of surface j in W.dh, but for the states that another surface keeps."""
+    for e in range(P.dh_row[j], P.dh_row[j + 1]):
+        if not _is_kept(P, S, P.dh_col[e], j):
+            S.x[P.dh_col[e]] += W.dh[e] * share
 
 
 @kernel
@@ -130,15 +148,10 @@ def keep_on_surface(P, S, j, W):
         if W.h[j] == 0.0:
             return
         call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
-        square = 0.0
-        for e in range(P.dh_row[j], P.dh_row[j + 1]):
-            if not _is_kept(P, S, P.dh_col[e], j):
-                square += W.dh[e] ** 2
+        square = common_gradient(P, S, W, j, j)
         if not square > 0.0:
             return
-        for e in range(P.dh_row[j], P.dh_row[j + 1]):
-            if not _is_kept(P, S, P.dh_col[e], j):
-                S.x[P.dh_col[e]] -= W.dh[e] * W.h[j] / square
+        go_along_gradient(P, S, W, j, -W.h[j] / square)
 
 
 @kernel
@@ -200,16 +213,11 @@ def put_in_slip(P, S, j, size, toward, W):
             A[r, d] = W.h[k] - size * toward[k]
             there = there and A[r, d] == 0.0
             for c in range(d):
-                A[r, c] = 0.0
-                for e in range(P.dh_row[k], P.dh_row[k + 1]):
-                    if not _is_kept(P, S, P.dh_col[e], j):
-                        A[r, c] += W.dh[e] * entry(P.dh_row, P.dh_col, W.dh, j + 1 + c, P.dh_col[e])
+                A[r, c] = common_gradient(P, S, W, k, j + 1 + c)
         if there or not solve_dense(A, d, 1):
             return
         for r in range(d):
-            for e in range(P.dh_row[j + 1 + r], P.dh_row[j + 2 + r]):
-                if not _is_kept(P, S, P.dh_col[e], j):
-                    S.x[P.dh_col[e]] -= W.dh[e] * A[r, d]
+            go_along_gradient(P, S, W, j + 1 + r, -A[r, d])
 
 
 @kernel
