@@ -34,7 +34,7 @@ from ..state import (
     TAPE_ROUND,
 )
 from ..step.recording import put_on_tape, record_ambiguity, record_event
-from ..surface.sliding import common_gradient, go_along_gradient, keep_on_surface, mask_solved, surface_rounding
+from ..surface.sliding import common_gradient, go_down_gradient, keep_on_surface, mask_solved, surface_rounding
 from ..surface.sparse import entry, solve_dense, solve_masked
 from .surface_rates import approach_speed, evaluate_surfaces
 
@@ -546,7 +546,7 @@ def _close_gaps(P, S, W, size):
         row = 0
         for a in range(size):
             if P.surface_state[touching[a]] < 0:
-                go_along_gradient(P, S, W, touching[a], -A[row, count])
+                go_down_gradient(P, S, W, touching[a], A[row, count], 1.0)
                 row += 1
     else:
         return

@@ -234,4 +234,5 @@ def step_inside(P, S, j, W):
         move = (side * 8e-16 * total - W.h[j]) / W.dh[best]
         # Where time alone carries the surface, as x sin t at t = pi, no state is moved for it.
         if abs(move) <= _MOST_INSIDE * way:
-            S.x[k] += move
+            # Not beyond 0, where a power of the state itself may have its branch point.
+            S.x[k] = S.x[k] + move if S.x[k] * (S.x[k] + move) >= 0.0 else 0.0

@@ -130,11 +130,11 @@ def common_gradient(P, S, W, j, k):
 
 
 @kernel
-def go_along_gradient(P, S, W, j, share):
-    """Moves S.x by a multiple of the gradient of surface j in W.dh, but for the states that another surface keeps."""
+def go_down_gradient(P, S, W, j, part, whole):
+    """Moves S.x against the gradient of surface j in W.dh, by part/whole of it, but not what another one keeps."""
     for e in range(P.dh_row[j], P.dh_row[j + 1]):
         if not _is_kept(P, S, P.dh_col[e], j):
-            S.x[P.dh_col[e]] += W.dh[e] * share
+            S.x[P.dh_col[e]] -= W.dh[e] * part / whole
 
 
 @kernel
@@ -151,7 +151,7 @@ def keep_on_surface(P, S, j, W):
         square = common_gradient(P, S, W, j, j)
         if not square > 0.0:
             return
-        go_along_gradient(P, S, W, j, -W.h[j] / square)
+        go_down_gradient(P, S, W, j, W.h[j], square)
 
 
 @kernel
@@ -217,7 +217,7 @@ def put_in_slip(P, S, j, size, toward, W):
         if there or not solve_dense(A, d, 1):
             return
         for r in range(d):
-            go_along_gradient(P, S, W, j + 1 + r, -A[r, d])
+            go_down_gradient(P, S, W, j + 1 + r, A[r, d], 1.0)
 
 
 @kernel
