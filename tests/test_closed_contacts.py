@@ -157,6 +157,18 @@ def test_impacts_among_three_masses_that_fall_on_each_other_come_to_an_end(masse
     assert run.x[:, -1] == pytest.approx(np.zeros(6), abs=1e-20)
 
 
+@pytest.mark.parametrize("gap", [1e-3, 1e-9, 1e-11, 1e-12, 1e-15, 1e-30])
+def test_elastic_impacts_within_the_rounding_of_time_keep_their_energy(gap):
+    """A heavy body drives a light one against a wall, and is turned round by 314 impacts, however near they all are."""
+    A, B = floor(1), Unilateral(y - x, restitution=1, name="B")
+    squeeze = System({x: v, y: w, v: A.reaction - B.reaction, w: B.reaction / 10_000})
+    s = ends(squeeze, 1, {x: gap, y: 2 * gap, v: 0, w: -1})
+    v_end, w_end = s["v"][-1], s["w"][-1]
+    assert w_end**2 + v_end**2 / 10_000 == pytest.approx(1, abs=1e-13)
+    # 314 times the velocity turns by the angle whose tangent is 1/100.
+    assert w_end == pytest.approx(-math.cos(314 * math.atan(0.01)), abs=1e-12)
+
+
 @pytest.mark.parametrize("span", [1, 1e3, 1e6])
 def test_a_pile_does_not_sink_however_long_it_rests(span):
     """Forces are known to a rounding, and a rounding of them has moved a body by 1e-4 after 1e6."""

@@ -49,6 +49,7 @@ _CLOSE = 1e-4  # and one whose surface is lost in its roundings before: its limi
 # Steps within an arc grow from a millionth of it, where it begins with the root of a height.
 _SHORTEST, _SHRUNK_ARCS = 1e-7, 1e-4  # relative to the time, and to that over which they have shrunk
 _LOWEST = 1e-9  # of the size of what a surface is made of
+_WEAK = 1e-3  # of a speed: what a force changes that does not end its impacts
 _AT_REST = 1e-5  # relative: what a bounce leaves of a speed where intervals are WITHIN_ROUNDING
 
 
@@ -145,6 +146,16 @@ def events_accumulate(P, S, R, W):
 
 
 @kernel
+def _is_of_impacts_alone(P, S, W, j, left):
+    """Whether no force says that the impacts at contact j end in the time left, as that on a bouncing ball does.
+
+    Those of bodies on each other may turn round, and part: they are followed to their end (contacts.py).
+    """
+    speed = approach_speed(P, S, j, W)  # leaves d2h/dt2 in W.g
+    return P.kind[j] == CONTACT and left * abs(W.g[j]) < _WEAK * abs(speed)
+
+
+@kernel
 def pass_accumulation(P, C, S, R, W):
     """Passes an accumulation point that has come within rounding; NOTHING if there is none, else a code."""
     t = S.t
@@ -159,6 +170,8 @@ def pass_accumulation(P, C, S, R, W):
     lost = P.kind[leader] < CONTACT and _is_lost(P, S, W, leader, S.last[leader, 1])
     minute = P.kind[leader] < CONTACT and _is_minute(P, S, W, leader)
     if not lost and not minute and not is_passed(S, leader):
+        return NOTHING
+    if _is_of_impacts_alone(P, S, W, leader, left):
         return NOTHING
     if minute:
         go_on_as_arcs(P, S, W, left)
