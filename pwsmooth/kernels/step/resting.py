@@ -16,6 +16,7 @@ _ROUNDING = 1e-28  # of |h|^2, beside the largest so far
 _NEAR = 100.0  # tolerances of h: so near to rest the slip is closed at once
 _EARLY = 1e-5  # of the largest |h|: so near to rest it is closed if nothing else happens by then
 _SHORT = 0.75  # of the time to rest: a step in time that is worth one that closes it
+_FASTEST = 1e9  # rate of its turn: twenty powers of a thousand times that are still numbers
 _TURNS = 20.0  # of what counts as a line: how far from it a slip that is closed early may be
 _FAST = 0.005  # of the friction: the deceleration of a slip that is closed early
 _BLURRED = 1e-10  # of what a surface is made of that is no state: its roundings are 1e-5 of such a |h|
@@ -93,7 +94,7 @@ def _closes_early(P, S, W, j, h, left, first, tolerance):
     square, slope, pull = at(row, 0), at(row, 1), pull_of(P, W, j)
     if -slope < 2.0 * _FAST * pull * math.sqrt(square):  # its direction is stiff in tau
         return False
-    if h > _SHORT * left and not direction_decides(P, S, W, j):
+    if h > _SHORT * left and pull < _FASTEST * math.sqrt(square) and not direction_decides(P, S, W, j):
         # A step in time goes farther than several of those that close it, as long as it turns.
         across = first * square - 0.25 * slope * slope
         if across > -0.5 * slope * pull * _TURNS * STEADY * tolerance:
