@@ -151,8 +151,10 @@ def _is_of_impacts_alone(P, S, W, j, left):
 
     Those of bodies on each other may turn round, and part: they are followed to their end (contacts.py).
     """
+    if P.kind[j] != CONTACT:
+        return False
     speed = approach_speed(P, S, j, W)  # leaves d2h/dt2 in W.g
-    return P.kind[j] == CONTACT and left * abs(W.g[j]) < _WEAK * abs(speed)
+    return left * abs(W.g[j]) < _WEAK * abs(speed)
 
 
 @kernel

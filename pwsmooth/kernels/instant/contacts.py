@@ -452,7 +452,7 @@ def settle_contacts(P, S, R, W):
 @kernel
 def impact_to_the_end(P, S, R, W):
     """Impacts that follow each other faster than the clock tells, as among bodies that fall on each other, until none
-    is left, or they come to rest (inelastic collapse). False if there are too many.
+    is left, or they come to rest (inelastic collapse). False if these, or those that touch, are too many.
 
     Forces do nothing meanwhile, so gaps count by their ratios: smaller and smaller ones stand for those of the motion.
     """
@@ -464,6 +464,8 @@ def impact_to_the_end(P, S, R, W):
         j = P.contact[c]
         met = S.status[j] == SOLVED or W.instant.hit[j]
         if met or W.h[j] <= UNTOLD * time_size(S) * fastest:
+            if size == len(contacts.touching):
+                return False
             contacts.touching[size], impacts[size] = j, 0
             gap[size] = 0.0 if met else max(W.h[j], 0.0)
             size += 1
