@@ -20,6 +20,7 @@ from .paths.budget import MOST_STEPS, opened
 from .paths.event_driven import LOOSEST, EventDriven, Options, prepared_run
 from .paths.local import run_locally
 from .paths.locality import LOCAL_FROM, MANY, runs_locally
+from .paths.parts import threads_for
 from .results.solution import Outcome, Solution
 
 
@@ -43,6 +44,7 @@ def solve(
     with_respect_to: Sequence[Any] | None = None,
     local: bool | None = None,
     record: Recorder | None = None,
+    threads: int | None = None,
 ) -> Solution:
     """Solve a piecewise-smooth system from `x0` over `t_span`.
 
@@ -100,6 +102,10 @@ def solve(
         the start and the end alone.
     record : Recorder, optional
         Of a run with local events: which elements are kept, where the events go, a checkpoint.
+    threads : int, optional
+        Threads of a run with local events of some thousand elements and more that has independent parts (at most two
+        are of use); the results have the same bits with any number. By default as many as there are cores, one inside
+        of a longer call such as a sweep, whose own threads are busy.
 
     Returns
     -------
@@ -188,6 +194,7 @@ def solve(
     times = checks.wanted_times(t_eval, t0, t1)
     diffuses, smoothed = hasattr(kicks, "solve"), bool(model.smoothing) and not model.multipliers
     stiff = method == "stiff" and not smoothed
+    threads = checks.optional(checks.integer(1))(threads, "`threads`")
     spending = opened(max_steps, max_seconds)
     if not (diffuses or smoothed or stiff):
         rows = with_respect_to is not None
@@ -196,7 +203,8 @@ def solve(
         record = checks.optional(checks.instance(Recorder, "Recorder(...)"))(record, "`record`")
         present = (record is not None, kicks is not None, with_respect_to is not None)
         if runs_locally(model, options, times, local, *present):
-            return run_locally(system, t0, t1, start, times, options, record, spending)
+            threads = threads_for(threads, spending.outer is not None)
+            return run_locally(system, t0, t1, start, times, options, record, threads, spending)
         if record is not None:
             raise ValueError("`record` is given, but the run is not one of local events; leave it out.")
         if model.families is not None and model.families.template.levels:

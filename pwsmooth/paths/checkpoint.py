@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,16 @@ import numpy as np
 from ..codegen.machine.cache import fingerprint
 
 # What the same call makes again.
-_STATIC = {"near", "reader_first", "reader", "p", "shift", "asked", "slip_share", "keeps", "number", "cell"}
+_STATIC = {"near", "reader_first", "reader", "p", "shift", "asked", "slip_share", "keeps", "number", "cell", "part"}
+_STATIC |= {"crew", "post", "post_address", "here", "unit_of_parts", "threads", "orders", "most"}
+
+
+def was_in_parts(path: Path | None) -> bool:
+    """Whether a run is made in parts, where it may be: one that goes on from a checkpoint as it began."""
+    if path is None or not path.exists():
+        return True
+    with np.load(path) as kept:
+        return "parts" not in kept or bool(kept["parts"])
 
 
 class Saved:
@@ -33,13 +43,19 @@ class Saved:
         self.mark = hashlib.sha256(content).hexdigest()
 
     def _parts(self) -> Iterator[tuple[str, Any, str, bool]]:
-        A = self.run.A
-        for name, bundle in (("", A), ("queue.", A.queue), ("patch.", A.patch)):
-            for key, member in type(bundle).members.items():
-                if hasattr(member, "cells"):
-                    yield name + key, bundle, key, False
-                elif hasattr(member, "rank") and key not in _STATIC:
-                    yield name + key, bundle, key, True
+        seen = set()
+        for k, system in enumerate(self.run.systems):
+            A, of = system.A, f"part {k}." if k else ""
+            for name, bundle in (("", A), ("queue.", A.queue), ("patch.", A.patch)):
+                for key, member in type(bundle).members.items():
+                    is_array = hasattr(member, "rank")
+                    if key in _STATIC or not (is_array or hasattr(member, "cell")):
+                        continue
+                    if is_array and getattr(bundle, key).size:
+                        if bundle.cells[member.at] in seen:
+                            continue  # an array of all parts
+                        seen.add(bundle.cells[member.at])
+                    yield of + name + key, bundle, key, is_array
 
     def write(self) -> None:
         run = self.run
@@ -50,7 +66,8 @@ class Saved:
             kept |= {f"statistic {i}.{name}": value for name, value in statistic.numbers().items()}
         beside = self.path.with_name(self.path.name + ".new")
         with open(beside, "wb") as stream:
-            np.savez(stream, mark=np.array(self.mark), rows=np.array(run.log.rows), **kept)
+            told = {"mark": np.array(self.mark), "rows": np.array(run.log.rows), "parts": np.array(run.A.parts)}
+            np.savez(stream, **told, **kept)
             stream.flush()
             os.fsync(stream.fileno())
         os.replace(beside, self.path)
@@ -85,8 +102,8 @@ class Saved:
                 own = f"statistic {i}."
                 statistic.go_on({name.removeprefix(own): kept[name] for name in kept if name.startswith(own)})
             rows = int(kept["rows"])
-        run.A.patch.shaped[:] = -1
-        run.A.patch.most = run.most
+        for system in run.systems:
+            system.A.patch.shaped[:] = -1
         return rows
 
     def remove(self) -> None:

@@ -5,6 +5,7 @@ Chain: solve -> event_driven.py, or **this file** where the structure allows it 
 
 from __future__ import annotations
 
+import ctypes
 import functools
 import math
 import sys
@@ -25,19 +26,22 @@ from ..results.counting import begin
 from ..results.records import AmbiguityLog, Outcome
 from ..results.solution import Solution
 from .budget import SLICE, Budget
-from .checkpoint import Saved
+from .checkpoint import Saved, was_in_parts
 from .event_driven import order_for
 from .locality import MANY, few_elements, few_of, walls
-from .problem import FEW, MOST, longest_step, terms
+from .parts import PARTS, beside, cut
+from .patches import SmallSystem
+from .problem import FEW, terms
 from .words import KINDS, ambiguities_in_words, event_words
 
 _SHARE = 0.1  # of the tolerances, by which the rim of a patch may change
-_FIRST_ROOM = 256  # members and places of a patch
 _LEAN = 100_000  # elements, of more of which rows are short
 _FIRST_LOG = 2**14  # events
 _FLUSHED = 2**18  # events in the kernel's buffers, from which on they are given up to the log
 _COLUMNS = 201  # of a run of fewer that is asked for none
-_TOUCHING = 2048  # contacts of a patch that touch at one instant
+_STAMPS = 2**28  # of patches, from which on they begin anew: marks are twice as large, in 32 bits
+# Of the arrays of an Assembly: what each part has of its own.
+_OWN = {"event_t", "event", "event_x", "ambiguity_t", "ambiguity", "noted", "power", "terms", "old", "scanned"}
 _EMPTY = np.zeros(0, np.int64)
 
 
@@ -49,21 +53,21 @@ def run_locally(
     times: Any,
     options: Any,
     record: Recorder | None,
+    threads: int,
     spending: Budget,
 ) -> Solution:
     """The Solution of one run, every event of which renews the elements that it reaches."""
     options = options.checked(system.model)
-    return _Run(system, options).solve(t0, t1, start, times, record, spending)
+    return _Run(system, options, threads).solve(t0, t1, start, times, record, spending)
 
 
 class _Run:
     """The arrays of one run."""
 
-    def __init__(self, system: Any, options: Any):
+    def __init__(self, system: Any, options: Any, threads: int):
         from ..codegen.machine.units import local_loop
-        from ..codegen.patch import PatchCode
 
-        self.system, self.model, self.options = system, system.model, options
+        self.system, self.model, self.options, self.threads = system, system.model, options, threads
         # Of very many elements the rows of coefficients are what fills the memory: as few as two vectors hold.
         large = self.model.families.sizes[0] > _LEAN and options.rtol >= 1e-10
         self.order = options.order or (15 if large else order_for(options.rtol, False))
@@ -71,9 +75,7 @@ class _Run:
         self.n = families.sizes[0]
         self.template = families.template
         self.parts = few_elements(self.template)
-        # A copy that no other run of this thread uses; the next one takes it.
-        free = self.parts.kept("patches").setdefault("free", [])
-        self.code = free.pop() if free else PatchCode(family_model(few_of(self.template)))
+        self.code = self._code()
         self.loop = local_loop()
         text = self.template.model
         self.ns, self.nm, self.ne = len(text.states), len(text.multipliers), len(text.events)
@@ -84,6 +86,13 @@ class _Run:
         self.m_at = np.array(starts("multipliers")[:-1], np.int64)
         self.e_at = np.array(starts("events")[:-1], np.int64)
         self.timed = [b for b, e in enumerate(text.events) if e.every is not None or e.at]
+
+    def _code(self) -> Any:
+        """A copy of the machine code that nothing else uses now; the next run takes it."""
+        from ..codegen.patch import PatchCode
+
+        free = self.parts.kept("patches").setdefault("free", [])
+        return free.pop() if free else PatchCode(family_model(few_of(self.template)))
 
     # ---- what holds for one element
 
@@ -150,10 +159,10 @@ class _Run:
         dh_first, dh_block, dh_near = self._pattern(linear["DH_ROWS"])
         contact = np.flatnonzero(self.parts.kind[of_m] == names.CONTACT)
         self.contacts = len(contact)
-        between = [
+        between = np.array([
             b for b, m in enumerate(self.template.model.multipliers)
             if m.may_be_solved and m.surface is not None and m.surface.free_symbols & self.template.beside
-        ]  # fmt: skip
+        ], np.int64)  # fmt: skip
         reads = [e for e in (*self.template.model.multipliers, *self.template.model.events)
                  if e.surface is not None and self.template.beside & e.surface.free_symbols]  # fmt: skip
         acts = any(not isinstance(e, Multiplier) or e.may_be_solved for e in reads)
@@ -174,7 +183,7 @@ class _Run:
         sizes = dict(ns=self.ns, nm=nm, ne=ne, nt=len(self.timed), nx=len(read), np=len(self.p_fixed))
         return local.Kind.zeros(
             sizes, ns=self.ns, nm=nm, ne=ne, np=len(self.own_parameters), nr=len(self.code.offsets),
-            target=self._targets(), contact=contact, between=np.array(between, np.int64),
+            target=self._targets(), contact=contact, between=between,
             felt=np.array(self.template.felt, np.int64), felt_blocks=len(self.own_parameters),
             felt_fixed=len(self.p_fixed) - len(self.own_parameters),
             coupled=np.array(self.template.linked, np.int64), reads_between=int(len(reads) > 0),
@@ -245,113 +254,16 @@ class _Run:
             first = np.floor(t0 / every).astype(np.int64)
             A.tick[:, q] = first + (every * first <= t0)
 
-    # ---- the small system
-
-    def _sizes(self, members: int, places: int) -> dict[str, int]:
-        """Of the arrays of the small system."""
-        m, ne = self.fixed_m + self.blocks_m * members, self.ne * members
-        rows = own = 0
-        for of in self.rows.values():
-            states = min(of["blocks"], self.ns)
-            rows = max(rows, of["fixed"] + states * places + (of["blocks"] - states) * members)
-            fixed, each = of["scratch"]
-            own = max(own, -(-(fixed + each * places) // self.stride))
-        rows += own
-        coupled = len(self.template.linked)
-        entries, gradients = self.fixed_m + len(self.g_block) * members, len(self.dh_block) * members
-        return {
-            "n": self.ns * places, "m": m, "ne": ne, "nz": 0,
-            "blocks": self.fixed_m + self.own_groups * members + int(coupled > 0),
-            "width": self.stride, "rows": rows, "fold_size": 0, "entries": entries,
-            "gradients": gradients + m + ne, "fold_entries": 0, "fold_gradients": 0,
-            "group": max(*map(len, self.groups), min(coupled * self.n, _TOUCHING), 0),
-            "hubs": 0, "onset": 0, "room": 16,
-            "contacts": min(self.contacts * self.n, _TOUCHING), "contact": self.contacts * members,
-            "joint": min(coupled * self.n, MOST), "pieces": 0, "polynomials": 0, "order": 0, "tapes": 0, "times": 0,
-            "p": len(self.p_fixed) - len(self.own_parameters)
-            + (len(self.own_parameters) + len(self.template.felt)) * places,
-            "g_col": entries, "link_col": len(self.link_block) * members, "dh_col": gradients,
-            **{f"flat_{name}": int((1 + (members - 1) * of["flat_own"]).sum()) for name, of in self.rows.items()},
-            "block_member": self.fixed_m + (len(self.group_block) + coupled) * members,
-        }  # fmt: skip
-
-    def _bundles(self, most: int) -> None:
-        """The small system with room for so many members and places."""
-        self.stride = self.width + names.PAD
-        sizes = self._sizes(most, most)
-        fixed, code = self.parts.fixed, self.code.address
-        open_ended = {
-            name: np.zeros(sizes.get(name, 0), np.int64)
-            for name in ("g_col", "link_col", "dh_col", "block_member", "flat_slip", "flat_general", "contact")
-        }
-        numbers = {
-            name: value for name, value in fixed.items()
-            if isinstance(names.Problem.members[name], type(names.Problem.members["n"]))
-        }  # fmt: skip
-        numbers |= {
-            "fields": code["fields"], "linear": code["linear"], "act": code["act"] if self.ne or self.contacts else 0,
-            "jet_slip": code["slip"], "jet_general": code["general"],
-        }  # fmt: skip
-        empty = {name: _EMPTY for name in ("fold_col", "hub", "flat_fold")}
-        self.P = names.Problem.zeros(
-            sizes, **numbers, **empty, **open_ended, p=np.zeros(sizes["p"]), fold_bias=np.zeros(0)
-        )
-        self.P.weight[:] = 1.0
-        self.P.disc_of[:] = self.P.holder[:] = -1
-        self.P.watch_state[:] = -1
-        self.P.rows_fold[:] = self.P.rows_pair[:] = -1
-        options = self.options
-        self.C = names.Control.zeros(
-            sizes, order=self.order, rtol=options.rtol, max_step=min(options.max_step, longest_step(self.order)),
-            max_steps=2**62, strict=int(options.strict), clock=np.empty(0), clock_event=_EMPTY,
-        )  # fmt: skip
-        self.S = names.State.zeros(sizes)
-        log = 8 * (self.nm + self.ne) * most + 128
-        given = dict(
-            event_t=np.zeros(log), event=np.zeros((log, 4), np.int64),
-            ambiguity_t=np.zeros(log), ambiguity=np.zeros((log, 3), np.int64),
-        )  # fmt: skip
-        self.R = names.Record.zeros(sizes, **given)
-        self.W = self.parts.new_work(self.order, sizes)
-        instant, step = self.W.instant, self.W.step
-        instant.fold = instant.rests = step.refused = -1
-        self.most = most
-        table = [
-            [*cell] for bundle in (self.P, self.C, self.S, self.R, self.W)
-            for cell in self._cells(bundle, given if bundle is self.R else ())
-        ]  # fmt: skip
-        table += [[address, 0, 1, 0] for address in self.code.sizes[0]]
-        table += [[address, 0, 0, 1] for address in self.code.sizes[1]]
-        near, number = np.zeros(len(self.code.offsets) * most + 1), np.zeros(most + 1)
-        self.code.give(near, number)
-        patch = self.A.patch
-        for name, given in (("cell", np.array(table, np.int64)), ("near", near), ("number", number)):
-            patch.members[name].give(patch, given)
-        patch.shaped[:] = -1
-        patch.most = most
-
-    def _cells(self, bundle: Any, given: Any) -> Any:
-        """(address, so many at least, for each member, for each place) of the extents of a Bundle's arrays."""
-        base, of_member, of_place = (self._sizes(*k) for k in ((0, 0), (1, 0), (0, 1)))
-        kinds = type(bundle).members
-        for name, member in kinds.items():
-            if hasattr(member, "struct"):
-                yield from self._cells(getattr(bundle, name), ())
-                continue
-            if not hasattr(member, "shape") or member.pointer or name in given:
-                continue
-            for axis, size in enumerate(member.shape):
-                at = bundle.address + 8 * (member.at + 1 + axis)
-                if size == ":":
-                    first, each, place = (s.get(name, 0) for s in (base, of_member, of_place))
-                else:
-                    first, each, place = (_extent(size, s) for s in (base, of_member, of_place))
-                if each != first or place != first:
-                    yield at, first, each - first, place - first
-
     # ---- the whole
 
-    def _assembly(self, t0: float, t1: float, start: np.ndarray, times: np.ndarray, kept: np.ndarray) -> None:
+    def _may_be_cut(self, kind: Any) -> bool:
+        """Whether what happens at an instant reaches only as far as what it changes afterwards does."""
+        at_once = len(kind.between) + len(kind.target) > 0 or not kind.s_own.all()
+        return not (at_once or kind.terminal.any() or self.options.strict)
+
+    def _assembly(
+        self, t0: float, t1: float, start: np.ndarray, times: np.ndarray, kept: np.ndarray, in_parts: bool
+    ) -> None:
         n, ns, nm, ne = self.n, self.ns, self.nm, self.ne
         offsets = self.code.offsets
         values = np.array(self.system.parameter_values, float)
@@ -369,29 +281,38 @@ class _Run:
         pairs = np.stack([near.ravel(), np.repeat(i.astype(np.int32), len(offsets))], axis=1)
         pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
         first = np.concatenate([[0], np.cumsum(np.bincount(pairs[:, 0], minlength=n))])
+        kind = self._kind()
+        part = np.zeros(n, np.int8)
+        if in_parts and self._may_be_cut(kind):
+            part = cut(near, any(offset >= LINKED for offset in offsets))
+        parts = PARTS if part.any() else 0
+        in_order = np.argsort(part, kind="stable").astype(np.int32)
+        counts = np.bincount(part, minlength=parts + 1)
         sizes = dict(
             elements=n, ns=ns, nm=nm, ne=ne, nt=len(self.timed), nr=len(offsets), np=len(self.own_parameters),
             width=self.width, kept=len(kept), times=len(times), room=_FIRST_LOG, unsure=_FIRST_LOG, most=0,
-            near_places=0, cells=0,
+            near_places=0, cells=0, parts=parts, threads=PARTS,
         )  # fmt: skip
-        queue = local.Queue.zeros(sizes)
+        queue = local.Queue.zeros(sizes, part=part, first=np.cumsum([0, *counts[:-1]]))
         queue.place[:], queue.key[:] = -1, math.inf
-        patch = local.Patch.zeros(sizes)
+        numbers: dict[str, Any] = dict(
+            t=t0, t_end=t1, unit=min(1.0, t1 - t0), share=_SHARE, alone=int(len(pairs) == 0), parts=parts
+        )
         A = self.A = local.Assembly.zeros(
-            sizes, kind=self._kind(), queue=queue, patch=patch, near=near, reader_first=first,
-            reader=np.ascontiguousarray(pairs[:, 1]), asked=times, t=t0, t_end=t1, unit=min(1.0, t1 - t0), share=_SHARE,
-            alone=int(len(pairs) == 0),
+            sizes, kind=kind, queue=queue, patch=local.Patch.zeros(sizes), near=near, reader_first=first,
+            reader=np.ascontiguousarray(pairs[:, 1]), asked=times, seat=parts, own=-1,
+            threads=min(parts, self.threads) if parts else 1, **numbers,
         )  # fmt: skip
-        patch.stamp = 1
-        patch.depth[:] = 1
-        patch.depth[1] = 0
+        A.here, A.post_address = A.address, A.post.ctypes.data
+        A.unit_of_parts = ctypes.cast(self.loop, ctypes.c_void_p).value
         A.x[:] = start.reshape(ns, n).T
         A.row[:, :, 0] = A.x
         A.begun[:] = A.until[:] = t0
         A.status[:] = 1
         A.met[:] = A.grazed[:] = math.inf
         A.noted[:] = -math.inf
-        A.active[:], A.active_place[:], A.actives = i, i, n
+        A.active[:], A.active_place[in_order], A.actives[:] = in_order, i, counts
+        A.waits[:] = math.inf
         A.seen[:], A.keeps[:] = -1, -1
         A.keeps[kept] = np.arange(len(kept))
         self.initial = None
@@ -403,6 +324,24 @@ class _Run:
             A.shift[k * self.width : k * self.width + k + 1] = [math.comb(k, j) for j in range(k + 1)]
         for a, b in enumerate(self.own_parameters):
             A.p[:, a] = values[blocks[b] : blocks[b + 1]]
+        all_of_them = {
+            name: getattr(A, name) for name, member in local.Assembly.members.items()
+            if hasattr(member, "rank") and name not in _OWN
+        }  # fmt: skip
+        patch = A.patch
+        self.systems = [SmallSystem(self, self.code, A)]  # that of the border, and those of the parts
+        for d in range(parts):
+            own = local.Patch.zeros(sizes, mark=patch.mark, slot=patch.slot)
+            of_part = local.Assembly.zeros(
+                sizes, kind=A.kind.changed(), queue=A.queue.changed(), patch=own, seat=d, own=d, **numbers, **all_of_them
+            )
+            self.systems.append(SmallSystem(self, self._code(), of_part))
+            A.crew[d] = self.systems[-1].addresses
+        for k, system in enumerate(self.systems):
+            patch = system.A.patch
+            patch.stamp, patch.stride = 1 + k, 1 + parts
+            patch.depth[:] = 1
+            patch.depth[1] = 0
 
     def solve(
         self, t0: float, t1: float, start: Any, times: Any, record: Recorder | None, spending: Budget
@@ -417,28 +356,49 @@ class _Run:
         else:
             kept = np.arange(self.n)
             asked = np.linspace(t0, t1, _COLUMNS) if times is None else times
-        self._assembly(t0, t1, np.array(start, float), np.asarray(asked, float), kept)
-        self._bundles(_FIRST_ROOM)
         text = self.template.model
         self.names = [str(s).replace("[]", "") for s in text.states]
-        wanted = (record.statistics if record else None) or {}
+        whole = t0, t1, np.array(start, float), np.asarray(asked, float), kept
+        path = record.checkpoint if record else None
+        code = self._run(whole, path, was_in_parts(path), spending)
+        if code == local.WITHOUT_PARTS:
+            # Of parts that failed, or that went too far ahead, nothing is taken.
+            if path:
+                path.unlink(missing_ok=True)
+            code = self._run(whole, path, False, spending)
+        for system in self.systems:
+            self.parts.kept("patches")["free"].append(system.code)
+        return self._solution(Outcome(code), ends if self.only_ends else asked, asked, kept)
+
+    def _run(self, whole: Any, path: Any, in_parts: bool, spending: Budget) -> int:
+        """From the start, or from a checkpoint, to the end; a code."""
+        self._assembly(*whole, in_parts)
+        record = self.record
         self.statistics = {}
-        for name, what in wanted.items():
-            self.statistics[name] = begin(what, name, self._surfaces(), self.names, KINDS, t0, self.A.near)
-        saved = Saved(self, ends, start) if record and record.checkpoint else None
+        for name, what in ((record.statistics if record else None) or {}).items():
+            self.statistics[name] = begin(what, name, self._surfaces(), self.names, KINDS, whole[0], self.A.near)
+        saved = Saved(self, np.array(whole[:2]), whole[2]) if path else None
         rows = saved.load() if saved else 0
         self.log = Writer(record and record.events, self.names, rows)
+        code = Outcome.FINISHED
         try:
             code = self._advance(spending, saved)
         finally:
-            self._flush()
+            if code != local.WITHOUT_PARTS:
+                self._flush(self._known())
         if code in (Outcome.TIME_LIMIT, Outcome.TOO_MANY_STEPS):
             self.A.halts = 1  # the states where it is now
-            self.loop(self.A, self.P, self.C, self.S, self.R, self.W)
+            for system in self.systems:
+                system.A.due = 2**62
+            ended = self._call()
+            while ended == Outcome.OUT_OF_MEMORY:
+                ended = self._call()
+            if ended == local.WITHOUT_PARTS:
+                return ended
+            self._flush(math.inf)
         if saved and code == Outcome.FINISHED:
             saved.remove()
-        self.parts.kept("patches")["free"].append(self.code)
-        return self._solution(Outcome(code), ends if self.only_ends else asked, asked, kept)
+        return code
 
     def _elements(self, record: Recorder | None) -> np.ndarray:
         """Numbers 0, ..., n - 1 of those that are kept."""
@@ -449,74 +409,103 @@ class _Run:
             )
         return np.where(wanted > 0, wanted - 1, self.n + wanted)
 
+    def _call(self) -> int:
+        """The kernel once, with its threads; a code. Room is made where it was missing."""
+        A, systems = self.A, self.systems
+        if max(s.A.patch.stamp for s in systems) > _STAMPS and not any(s.A.patch.kept for s in systems):
+            A.patch.mark[:] = A.fresh[:] = 0
+            for k, system in enumerate(systems):
+                system.A.patch.stamp = 1 + k
+        with beside(A):
+            code = self.loop(*systems[0].addresses[:1], A.address, *systems[0].addresses[1:])
+        if code == Outcome.OUT_OF_MEMORY:  # perhaps in the midst of an event: nothing else now
+            waiting = np.flatnonzero(A.told == Outcome.OUT_OF_MEMORY)
+            for k in waiting + 1 if len(waiting) else [0]:
+                systems[k].enlarge()
+            A.told[:] = 0
+            for d in range(A.parts):
+                A.crew[d] = systems[1 + d].addresses
+        return code
+
+    def _sum(self, name: str) -> int:
+        """A counter, over all parts."""
+        return sum(getattr(system.A, name) for system in self.systems)
+
+    def _known(self) -> float:
+        """The time before which nothing happens any more."""
+        A, Q = self.A, self.A.queue
+        if not A.parts:
+            return math.inf
+        first = [Q.key[Q.heap[k]] for k, size in zip(Q.first, Q.size, strict=True) if size]
+        return min([A.slab_end, *first, *A.waits])
+
     def _advance(self, spending: Budget, saved: Saved | None) -> int:
         """Runs the kernel to the end; a code. It comes back now and then, to hear the clock and to give up events."""
-        A, shown, last, spent = self.A, 0.0, self.log.rows, self.A.renewed // self.n
+        A, shown, last, spent = self.A, 0.0, self.log.rows, self._sum("renewed") // self.n
         while True:
-            A.due = A.renewed + max(1, int(min(SLICE, self.n * spending.left)))
-            code = self.loop(A, self.P, self.C, self.S, self.R, self.W)
-            spending.spend(A.renewed // self.n - spent)
-            spent = A.renewed // self.n
+            for system in self.systems:
+                system.A.due = system.A.renewed + max(1, int(min(SLICE, self.n * spending.left)))
+            code = self._call()
+            now_spent = self._sum("renewed") // self.n
+            spending.spend(now_spent - spent)
+            spent = now_spent
             if code == names.AGAIN and A.slabs == 2 and self.initial is None:
                 self.initial = A.x.copy(), A.mult.copy(), A.status.copy()
-            if code == Outcome.OUT_OF_MEMORY:  # perhaps in the midst of an event: nothing else now
-                self._enlarge()
-                continue
+            if code == Outcome.OUT_OF_MEMORY:
+                continue  # with more
             if code != names.AGAIN:
                 return code
             late = spending.late()
             stop = late or spending.left <= 0
-            due = saved is not None and (stop or self.log.rows + A.events >= last + saved.every)
-            if due or A.events >= _FLUSHED:
-                self._flush()
+            events = self._sum("events")
+            due = saved is not None and (stop or self.log.rows + events >= last + saved.every)
+            if due or events >= _FLUSHED:
+                self._flush(self._known())
             if due:
                 last = self.log.rows
                 saved.write()
             if self.record and self.record.progress and (now := time.monotonic()) > shown + 1.0:
                 shown = now
-                events = self.log.rows + A.events
-                print(f"t = {A.slab_begin:.6g}, {events} events, {A.actives} elements move", file=sys.stderr)
+                events = self.log.rows + self._sum("events")
+                print(f"t = {A.slab_begin:.6g}, {events} events, {A.actives.sum()} elements move", file=sys.stderr)
             if stop:
                 return Outcome.TIME_LIMIT if late else Outcome.TOO_MANY_STEPS
 
-    def _flush(self) -> None:
-        """Events from the kernel's buffers into the log."""
-        A, count = self.A, self.A.events
-        if not count:
-            return
-        self._name_folds(A.event[:count])
-        once = np.flatnonzero(self.model.families.told_once(A.event[:count, 0]))
-        if len(once) < count:
-            for kept in (A.event, A.event_t, A.event_x):
-                kept[: len(once)] = kept[once]
-            count = len(once)
-        first, own = A.kind.s_first, A.kind.s_own
-        surface = np.searchsorted(first, A.event[:count, 0], side="right") - 1
+    def _flush(self, known: float) -> None:
+        """Events before a time from the kernel's buffers into the log, those of parts in the order of their times."""
+        parts = []
+        for system in self.systems:
+            A = system.A
+            buffers = A.event_t, A.event, A.event_x
+            now, count = A.event_t[: A.events] < known, A.events
+            parts.append([b[:count][now] for b in buffers])
+            A.events = count - len(parts[-1][0])
+            for b in buffers:
+                b[: A.events] = b[:count][~now]
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        if len(parts) > 1:
+            in_order = np.argsort(columns[0], kind="stable")
+            columns = [column[in_order] for column in columns]
+        if len(columns[0]):
+            self._log(*columns)
+
+    def _log(self, event_t: np.ndarray, event: np.ndarray, event_x: np.ndarray) -> None:
+        """Events into the log and the statistics."""
+        self._name_folds(event)
+        once = np.flatnonzero(self.model.families.told_once(event[:, 0]))
+        if len(once) < len(event):
+            event_t, event, event_x = event_t[once], event[once], event_x[once]
+        first, own = self.A.kind.s_first, self.A.kind.s_own
+        surface = np.searchsorted(first, event[:, 0], side="right") - 1
         columns = {
-            "t": A.event_t[:count], "surface": surface.astype(np.int32),
-            "element": np.where(own[surface] != 0, A.event[:count, 0] - first[surface] + 1, 0).astype(np.int32),
-            **{name: A.event[:count, c].astype(np.int8) for c, name in enumerate(("kind", "came", "went"), 1)},
-            **{f"state {name}": A.event_x[:count, b] for b, name in enumerate(self.log.states)},
+            "t": event_t, "surface": surface.astype(np.int32),
+            "element": np.where(own[surface] != 0, event[:, 0] - first[surface] + 1, 0).astype(np.int32),
+            **{name: event[:, c].astype(np.int8) for c, name in enumerate(("kind", "came", "went"), 1)},
+            **{f"state {name}": event_x[:, b] for b, name in enumerate(self.log.states)},
         }  # fmt: skip
         for statistic in self.statistics.values():
             statistic.take(columns)
         self.log.append(columns, self.record is None or self.record.keep_events)
-        A.events = 0
-
-    def _enlarge(self) -> None:
-        A = self.A
-        if A.patch.needs:
-            self._bundles(max(2 * self.most, A.patch.needs))
-            return
-        logs = (("event_t", "event", "event_x"), A.events), (("ambiguity_t", "ambiguity"), A.ambiguities)
-        for arrays, count in logs:
-            room = count + 16 * (self.nm + self.ne) * self.most + 1024
-            for name in arrays:
-                old = getattr(A, name)
-                if len(old) < room:
-                    new = np.zeros((2 * room, *old.shape[1:]), old.dtype)
-                    new[:count] = old[:count]
-                    type(A).members[name].give(A, new)
 
     def _solution(self, outcome: Outcome, times: np.ndarray, asked: np.ndarray, kept: np.ndarray) -> Solution:
         A = self.A
@@ -546,18 +535,16 @@ class _Run:
                 parts = [np.concatenate([part, end[None]]) for part, end in zip(parts, ends, strict=True)]
         own = [f is not None for f in self.template.families("multipliers")]
         x, mult, status = map(self._rows, parts, ([True] * self.ns, own, own))
-        ambiguities = A.ambiguities
-        cost = {
-            "steps": A.steps,
-            "jets": A.jets,
-            "events": self.log.rows,
-            "layers": A.layers,
-            "renewed": A.renewed,
-        }
+        cost = {name: self._sum(name) for name in ("steps", "jets", "events", "layers", "renewed")}
+        cost["events"] = self.log.rows
         tolerances = {"rtol": self.options.rtol, "atol": float(self.atol.max(initial=0.0)), "order": self.order}
         words = functools.partial(ambiguities_in_words, self.model)
-        once = self.model.families.told_once(A.ambiguity[:ambiguities, 0])
-        unsure = AmbiguityLog(A.ambiguity_t[:ambiguities][once], A.ambiguity[:ambiguities][once], words)
+        told = [(s.A.ambiguity_t[: s.A.ambiguities], s.A.ambiguity[: s.A.ambiguities]) for s in self.systems]
+        when, what = (np.concatenate(part) for part in zip(*told, strict=True))
+        once = np.flatnonzero(self.model.families.told_once(what[:, 0]))
+        if len(told) > 1:
+            once = once[np.argsort(when[once], kind="stable")]
+        unsure = AmbiguityLog(when[once], what[once], words)
         columns = self.log.columns()
         log = StoredLog(columns, A.kind.s_first.copy(), event_words(self.model))
         solution = Solution(
@@ -627,9 +614,3 @@ def _numeric(symbols: tuple[sp.Symbol, ...], e: sp.Expr) -> Any:
 def _blocks(numbers: np.ndarray) -> np.ndarray:
     """Numbers of a few elements -> their blocks."""
     return np.where(numbers >= 0, numbers // FEW, -1)
-
-
-def _extent(size: str, sizes: dict[str, int]) -> int:
-    from ..kernels.machine.block import _product
-
-    return sum(_product(term, sizes) for term in size.split("+"))

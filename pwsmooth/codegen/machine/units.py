@@ -45,6 +45,7 @@ MORE_UNITS = {
     "growth": ("tangent.growth", "growth"),
     "diffuse_many": ("noise.many", "diffuse_many"),
     "local": ("local.loop", "run"),
+    "stand_by": ("local.parts", "stand_by"),
 }
 # Those of the smoothed path; behind the loop in the order of stiff_call.ATTEMPT_UNIT and its successors.
 STIFF_UNITS = {
@@ -116,9 +117,14 @@ def trajectory_loop():
 
 @cache
 def local_loop():
-    """kernels.local.loop.run as a Python function of six Bundles."""
-    run = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6)(unit_address("local"))
-    return lambda *bundles: run(*(b.address for b in bundles))
+    """kernels.local.loop.run as a Python function of the address of each of six Bundles, and of that of the whole."""
+    return ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 7)(unit_address("local"))
+
+
+@cache
+def stand_by():
+    """kernels.local.parts.stand_by as a Python function of the address of an Assembly and the number of a thread."""
+    return ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(unit_address("stand_by"))
 
 
 @cache

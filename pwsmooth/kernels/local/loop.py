@@ -6,7 +6,8 @@
 
 What an event changes decays with the number of links that it crosses, the faster the shorter the time that is left:
 by tau^(q D) / (q D)! over D links, for rates of order q (docs: why an event is local). So a patch is renewed as far as
-its rim still changes by less than a share of the tolerances, which is looked at, not assumed.
+its rim still changes by less than a share of the tolerances, which is looked at, not assumed. Large families are cut
+into parts that are worked on beside each other (parts.py).
 """
 
 import math
@@ -44,8 +45,21 @@ from .members import (
     take_in_written,
 )
 from .patch import degree_of, gather, largest_change, note_records, scatter, state_at, write_asked
-from .queue import put_in_queue
-from .state import Assembly
+from .parts import (
+    EVENTS_OF_PARTS,
+    MOVING,
+    ONE_EVENT,
+    RESTING,
+    call_part,
+    is_ahead,
+    leave_post,
+    report,
+    take_over,
+    work_in_parts,
+    worse,
+)
+from .queue import first_key, put_in_queue
+from .state import ELSEWHERE, WITHOUT_PARTS, Assembly
 
 BEGIN, SLAB, EVENTS = range(3)  # phases
 EVENT, EXPIRY, END_OF_SLAB = range(3)  # why a patch is renewed
@@ -202,8 +216,12 @@ def _renew(A, P, C, S, R, W, t, stop, why):
         if why == EVENT and len(A.kind.between) > 0:
             take_in_held(A)
             put_in_order(A)
+        if T.beyond != 0:
+            return ELSEWHERE
         if not close_rim(A) or not _has_room(A, P, S, R):
             return Outcome.OUT_OF_MEMORY
+        if A.parts > 0 and not checked and A.own < 0 and is_ahead(A, t):
+            return WITHOUT_PARTS
         # A first pass, up to the end of the span, tells how long steps are; it is done once more.
         if first and A.slab > 0.0 and take_in_rim_that_ends(A, t, stop):
             continue
@@ -317,19 +335,22 @@ def _keep(A, P, C, S, W, t, h):
 def _activate(A, i):
     """Element i is renewed at the end of every slab from now on."""
     if A.active_place[i] < 0:
-        A.active_place[i] = A.actives
-        A.active[A.actives] = i
-        A.actives += 1
+        d = A.queue.part[i]
+        place = A.queue.first[d] + A.actives[d]
+        A.active_place[i] = place
+        A.active[place] = i
+        A.actives[d] += 1
 
 
 @kernel
 def _retire(A, i):
     """Element i is at rest among elements at rest: nothing is spent on it until a neighbour moves."""
-    k = A.active_place[i]
+    k, d = A.active_place[i], A.queue.part[i]
     A.active_place[i] = -1
-    A.actives -= 1
-    if k < A.actives:
-        A.active[k] = A.active[A.actives]
+    A.actives[d] -= 1
+    last = A.queue.first[d] + A.actives[d]
+    if k < last:
+        A.active[k] = A.active[last]
         A.active_place[A.active[k]] = k
 
 
@@ -355,11 +376,11 @@ def _rests(A, i, K):
 def _begin(A, P, C, S, R, W):
     """All elements at their start, some at a time, with enough about them to tell how surfaces are left; a code."""
     T, E, n = A.patch, A.kind, len(A.begun)
-    while A.scanned < n:
+    while A.begun_with < n:
         begin_patch(A)
-        own = min(_CHUNK, n - A.scanned)
+        own = min(_CHUNK, n - A.begun_with)
         for k in range(own):
-            take_in(A, A.scanned + k)
+            take_in(A, A.begun_with + k)
         for _ in range(_AROUND):
             if T.count < 4 * _CHUNK:
                 reach(A, 1)
@@ -398,49 +419,81 @@ def _begin(A, P, C, S, R, W):
             A.length[i] = S.step
             for b in range(E.nm + E.ne):
                 A.met[i, b] = A.grazed[i, b] = math.inf
-        A.scanned += own
+        A.begun_with += own
+    return GO_ON
+
+
+@kernel
+def _renew_moving(A, P, C, S, R, W, d):
+    """New polynomials of what moves among the elements of part d, cluster by cluster, from the beginning of a slab on;
+    a code."""
+    T, first = A.patch, A.queue.first[d]
+    free = A.slab == 0.0 or A.alone != 0
+    stop = A.t_end if free else A.slab_end
+    while A.scanned[d, 0] < A.actives[d]:
+        if A.renewed >= A.due:
+            return AGAIN
+        i = A.active[first + A.scanned[d, 0]]
+        if A.seen[i] != A.slabs and not is_wall(A, i):
+            begin_patch(A)
+            take_in(A, i)
+            take_in_cluster(A)
+            code = _renew(A, P, C, S, R, W, A.t, stop, END_OF_SLAB)
+            if code == ELSEWHERE:
+                A.left[d] = 1
+            elif code != GO_ON:
+                return code
+            else:
+                for k in range(T.count):
+                    A.seen[T.member[k]] = A.slabs
+                if free:
+                    A.trial = min(A.trial, W.step.length)
+        A.scanned[d, 0] += 1
+    return GO_ON
+
+
+@kernel
+def _renew_resting(A, P, C, S, R, W, d):
+    """As _renew_moving, of what rests, one by one."""
+    first = A.queue.first[d]
+    while A.scanned[d, 1] < A.actives[d]:
+        if A.renewed >= A.due:
+            return AGAIN
+        i = A.active[first + A.scanned[d, 1]]
+        if A.seen[i] != A.slabs:
+            begin_patch(A)
+            take_in(A, i)
+            code = _renew(A, P, C, S, R, W, A.t, A.t_end, END_OF_SLAB)
+            if code == ELSEWHERE:
+                A.left[d] = 1
+            elif code != GO_ON:
+                return code
+            else:
+                A.seen[i] = A.slabs
+                if A.known[i] == math.inf and A.slabs > 1 and _rests(A, i, C.order):
+                    if A.until[i] < A.t_end:
+                        put_in_queue(A.queue, i, min(A.queue.key[i], A.until[i]))
+                    _retire(A, i)
+                    continue  # another one stands in its place now
+        A.scanned[d, 1] += 1
     return GO_ON
 
 
 @kernel
 def _renew_all(A, P, C, S, R, W):
     """New polynomials of all that is not at rest, from the beginning of a slab on; a code."""
-    T = A.patch
-    free = A.slab == 0.0 or A.alone != 0
-    stop = A.t_end if free else A.slab_end
-    while A.scanned < A.actives:
-        if A.renewed >= A.due:
-            return AGAIN
-        i = A.active[A.scanned]
-        if A.seen[i] != A.slabs and not is_wall(A, i):
-            begin_patch(A)
-            take_in(A, i)
-            take_in_cluster(A)
-            code = _renew(A, P, C, S, R, W, A.t, stop, END_OF_SLAB)
-            if code != GO_ON:
-                return code
-            for k in range(T.count):
-                A.seen[T.member[k]] = A.slabs
-            if free:
-                A.trial = min(A.trial, W.step.length)
-        A.scanned += 1
-    while A.scanned_rest < A.actives:
-        if A.renewed >= A.due:
-            return AGAIN
-        i = A.active[A.scanned_rest]
-        if A.seen[i] != A.slabs:
-            begin_patch(A)
-            take_in(A, i)
-            code = _renew(A, P, C, S, R, W, A.t, A.t_end, END_OF_SLAB)
-            if code != GO_ON:
-                return code
-            A.seen[i] = A.slabs
-            if A.known[i] == math.inf and A.slabs > 1 and _rests(A, i, C.order):
-                if A.until[i] < A.t_end:
-                    put_in_queue(A.queue, i, min(A.queue.key[i], A.until[i]))
-                _retire(A, i)
-                continue  # another one stands in its place now
-        A.scanned_rest += 1
+    for task in (MOVING, RESTING):
+        code = work_in_parts(A, task, math.inf) if A.parts > 0 else GO_ON
+        for d in range(A.parts + 1):
+            if code == GO_ON and (d == A.parts or A.left[d] != 0):
+                if task == MOVING:
+                    code = _renew_moving(A, P, C, S, R, W, d)
+                else:
+                    code = _renew_resting(A, P, C, S, R, W, d)
+        if code != GO_ON:
+            return code
+    for d in range(A.parts if A.slabs == 1 else 0):
+        A.trial = min(A.trial, A.shortest[d])
     return GO_ON
 
 
@@ -448,6 +501,9 @@ def _renew_all(A, P, C, S, R, W):
 def _tune(A):
     """The length of the next slab: by what the last ones have cost, in elements renewed a time."""
     A.window += 1
+    for d in range(A.parts):
+        A.spent += A.effort[d]
+        A.effort[d] = 0
     if A.window < _LOOK:
         return
     rate = A.spent / A.spanned if A.spanned > 0.0 else 0.0
@@ -471,34 +527,39 @@ def _tune(A):
 @kernel
 def _next_slab(A):
     """Where the next slab begins and ends."""
-    if A.actives == 0:
-        A.t = min(A.queue.key[A.queue.heap[0]] if A.queue.size > 0 else A.t_end, A.t_end)
+    actives, first = 0, A.t_end
+    for d in range(A.parts + 1):
+        actives += A.actives[d]
+        first = min(first, first_key(A.queue, d))
+    if actives == 0:
+        A.t = first
     A.slab_begin = A.t
     A.slab_end = A.t_end
     if A.alone == 0 and A.slab > 0.0 and A.t + A.slab < A.t_end - 1e-9 * A.slab:
         A.slab_end = A.t + A.slab
     A.now = A.t
     A.slabs += 1
-    A.scanned = A.scanned_rest = 0
+    A.scanned[:, :] = 0
 
 
 @kernel
 def _meets_now(A, t):
     """Makes the elements whose key is t, to rounding, the members; why they are renewed."""
     T, Q, E = A.patch, A.queue, A.kind
-    limit = t + at_once_within(t, A.length[Q.heap[0]])
+    top, end = Q.first[A.seat], Q.first[A.seat] + Q.size[A.seat]
+    limit = t + at_once_within(t, A.length[Q.heap[top]])
     # Where no element knows of another some come after the others, as the instant looks at all of its members; and of
     # contacts: those that act on each other touch, so that they are found whoever comes first.
     alone = A.alone != 0 and E.together == 0
     most = _CHUNK if alone else _CHUNK // 4 if len(E.contact) > 0 else len(A.begun)
     begin_patch(A)
     # Down the heap as long as keys are that early; the members so far are the places still to look at.
-    take_in(A, Q.heap[0])
+    take_in(A, Q.heap[top])
     k = 0
     while k < T.count:
         place = Q.place[T.member[k]]
-        for below in range(2 * place + 1, 2 * place + 3):
-            if below < Q.size and Q.key[Q.heap[below]] <= limit and T.count < most:
+        for below in range(2 * place + 1 - top, 2 * place + 3 - top):
+            if below < end and Q.key[Q.heap[below]] <= limit and T.count < most:
                 take_in(A, Q.heap[below])
         k += 1
     for k in range(T.count):
@@ -510,35 +571,95 @@ def _meets_now(A, t):
 
 
 @kernel
-def _act(A, P, C, S, R, W):
-    """All events of a slab, one instant after the other; a code."""
+def _next_event(A, P, C, S, R, W):
+    """What happens next among the elements of its seat; a code."""
     T, Q = A.patch, A.queue
-    while Q.size > 0 and Q.key[Q.heap[0]] <= A.slab_end:
+    t = first_key(Q, A.seat)
+    if T.kept != 0:
+        open_rim(A)
+    else:
+        T.why = _meets_now(A, t)
+        for k in range(T.count if T.why == EVENT else 0):
+            take_in_targets(A, T.member[k])
+        if T.why == EXPIRY:
+            if t >= A.slab_end:
+                for k in range(T.count):
+                    put_in_queue(Q, T.member[k], math.inf)
+                    _activate(A, T.member[k])
+                return GO_ON
+            A.expiries += 1
+        reach(A, T.depth[int(T.why == EXPIRY), _bucket(A.slab_end - t)])
+    code = _renew(A, P, C, S, R, W, t, A.slab_end, T.why)
+    if code != GO_ON:
+        A.t = t
+        if code == Outcome.AMBIGUITY:
+            A.t = min(t, A.ambiguity_t[A.ambiguities - 1])
+        return code
+    A.now = t
+    return GO_ON
+
+
+@kernel
+def _act(A, P, C, S, R, W):
+    """All events of a slab, one instant after the other, those of the parts beside each other; a code."""
+    while True:
+        t, who = first_key(A.queue, A.parts), A.parts
+        if A.parts > 0:
+            code = work_in_parts(A, EVENTS_OF_PARTS, t)
+            if code != GO_ON:
+                return code
+            for d in range(A.parts):
+                if A.waits[d] < t:
+                    t, who = A.waits[d], d
+        if t > A.slab_end:
+            return GO_ON
         if A.renewed >= A.due:
             return AGAIN  # to look at the clock
-        t = Q.key[Q.heap[0]]
-        if T.kept != 0:
-            open_rim(A)
+        if who < A.parts:
+            A.task = ONE_EVENT
+            call_part(A, who)
+            code = worse(GO_ON, A.told[who])
         else:
-            T.why = _meets_now(A, t)
-            for k in range(T.count if T.why == EVENT else 0):
-                take_in_targets(A, T.member[k])
-            if T.why == EXPIRY:
-                if t >= A.slab_end:
-                    for k in range(T.count):
-                        put_in_queue(Q, T.member[k], math.inf)
-                        _activate(A, T.member[k])
-                    continue
-                A.expiries += 1
-            reach(A, T.depth[int(T.why == EXPIRY), _bucket(A.slab_end - t)])
-        code = _renew(A, P, C, S, R, W, t, A.slab_end, T.why)
+            code = _next_event(A, P, C, S, R, W)
         if code != GO_ON:
-            A.t = t
-            if code == Outcome.AMBIGUITY:
-                A.t = min(t, A.ambiguity_t[A.ambiguities - 1])
             return code
-        A.now = t
+
+
+@kernel
+def _act_in_part(A, P, C, S, R, W, limit):
+    """The events of a part before `limit`, up to one that reaches beyond it; a code."""
+    d, t = A.seat, first_key(A.queue, A.seat)
+    while A.waits[d] == math.inf and t < limit and t <= A.slab_end:
+        if A.renewed >= A.due:
+            return AGAIN
+        code = _next_event(A, P, C, S, R, W)
+        if code == ELSEWHERE:
+            A.waits[d], A.pending[d] = t, A.patch.stamp if A.patch.kept != 0 else 0
+        elif code != GO_ON:
+            return code
+        t = first_key(A.queue, d)
     return GO_ON
+
+
+@kernel
+def _work(A, all_of_them, P, C, S, R, W):
+    """A part at the task of all parts; a code."""
+    take_over(A, all_of_them)
+    d, task = A.seat, all_of_them.task
+    if task == MOVING:
+        code = _renew_moving(A, P, C, S, R, W, d)
+    elif task == RESTING:
+        code = _renew_resting(A, P, C, S, R, W, d)
+    elif task == EVENTS_OF_PARTS:
+        code = _act_in_part(A, P, C, S, R, W, all_of_them.limit)
+    else:
+        A.own = -1
+        code = _next_event(A, P, C, S, R, W)
+        A.own = d
+        if code == GO_ON:
+            A.waits[d], A.pending[d] = math.inf, 0
+    report(A)
+    return code
 
 
 @kernel
@@ -569,13 +690,32 @@ def _finish(A, P, C, S, R, W):
                 A.x[i, b] = state_at(A, i, b, A.t, K)
 
 
-@unit(types.int64, Assembly, Problem, Control, State, Record, Work)
-def run(A, P, C, S, R, W):
-    """Advances the assembly to its end or to the first reason to return: an Outcome, or AGAIN where it may go on."""
-    code = Outcome.TIME_LIMIT if A.halts != 0 else _advance(A, P, C, S, R, W)
-    if A.halts != 0:
-        A.t = A.now
-    if code == Outcome.FINISHED or A.halts != 0:
+@kernel
+def _halt(A, P, C, S, R, W):
+    """Ends the run at the last instant at which anything has happened, in whichever part."""
+    code = Outcome.TIME_LIMIT
+    if A.parts > 0 and A.phase == EVENTS:
+        last = A.now
+        for d in range(A.parts):
+            last = max(last, A.clock[d])
+        A.slab_end, A.now = last, last
+        ended = _act(A, P, C, S, R, W)
+        if ended != GO_ON:
+            return ended
+        A.now = last
+    A.t = A.now
+    return code
+
+
+@unit(types.int64, Assembly, Assembly, Problem, Control, State, Record, Work)
+def run(A, all_of_them, P, C, S, R, W):
+    """Advances the assembly to its end or to the first reason to return: an Outcome, or AGAIN where it may go on; of
+    the Assembly of a part its task, a code."""
+    if A.seat < A.parts:
+        return _work(A, all_of_them, P, C, S, R, W)
+    code = _halt(A, P, C, S, R, W) if A.halts != 0 else _advance(A, P, C, S, R, W)
+    leave_post(A)
+    if code == Outcome.FINISHED or code == Outcome.TIME_LIMIT:
         begin_patch(A)
     if code < GO_ON and code != Outcome.OUT_OF_MEMORY:
         _finish(A, P, C, S, R, W)

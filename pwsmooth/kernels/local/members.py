@@ -19,15 +19,24 @@ def number_of(E, s, M, k):
 
 @kernel
 def begin_patch(A):
-    A.patch.stamp += 1
-    A.patch.count = A.patch.total = 0
+    A.patch.stamp += A.patch.stride
+    A.patch.count = A.patch.total = A.patch.beyond = 0
+
+
+@inlined_kernel
+def _may_not(A, i):
+    """Whether element i is none of those that may be members; noted."""
+    if A.own < 0 or A.queue.part[i] == A.own:
+        return False
+    A.patch.beyond = 1
+    return True
 
 
 @kernel
 def take_in(A, i):
     """Makes element i a member."""
     T = A.patch
-    if T.mark[i] != 2 * T.stamp:
+    if T.mark[i] != 2 * T.stamp and not _may_not(A, i):
         T.mark[i] = 2 * T.stamp
         T.slot[i] = T.count
         T.member[T.count] = i
@@ -82,6 +91,7 @@ def take_in_cluster(A):
 def open_rim(A):
     """Forgets what the members read of others, which may be taken in now."""
     T = A.patch
+    T.beyond = 0
     for k in range(T.count, T.total):
         if T.mark[T.member[k]] == 2 * T.stamp + 1:
             T.mark[T.member[k]] = 0
@@ -133,7 +143,7 @@ def close_rim(A):
         i = T.member[k]
         for r in range(nr):
             j = A.near[i, r]
-            if T.mark[j] < 2 * T.stamp:
+            if T.mark[j] >> 1 != T.stamp:
                 T.mark[j] = 2 * T.stamp + 1
                 T.slot[j] = T.total
                 T.member[T.total] = j
@@ -230,7 +240,7 @@ def take_in_rim_that_ends(A, t, stop):
         count = first
         for k in range(first, last):
             i = T.member[k]
-            if t < A.known[i] < ends:
+            if t < A.known[i] < ends and not _may_not(A, i):
                 T.mark[i] = 2 * T.stamp
                 T.slot[i] = count
                 T.member[count] = i

@@ -2,10 +2,14 @@
 
 Sizes: `elements`; an element's states ns, multipliers nm, events ne, of which nt at given times, and parameters np;
 nr neighbours that its rates read, of whose states they read `nx`; `kept` elements of which more is kept, at `times`;
-`width` of a row.
+`width` of a row; `parts` that threads work on (parts.py), each of which has an Assembly of its own, on the arrays of
+all.
 """
 
 from ..machine.block import Bundle
+
+# Codes beside those of state.py: a patch reaches beyond its part; parts are of no use.
+ELSEWHERE, WITHOUT_PARTS = 5, 6
 
 
 class Kind(Bundle):
@@ -87,9 +91,11 @@ class Kind(Bundle):
 
 
 class Queue(Bundle):
-    """Elements by the time of their next event: a binary heap that knows where each of them stands."""
+    """Elements by the time of their next event: a binary heap of each part, and of the border behind them."""
 
-    size: "int"
+    part: "i1[elements]"
+    first: "i8[parts + 1]"  # where in the lists of elements those of a part begin
+    size: "i8[parts + 1]"
     heap: "i4[elements]"
     place: "i4[elements]"  # -1 for what is not in it
     key: "f8[elements]"
@@ -98,7 +104,8 @@ class Queue(Bundle):
 class Patch(Bundle):
     """The elements that are renewed together, and those whose motion they read."""
 
-    stamp: "int"
+    stamp: "int"  # no other patch has it, of whichever part
+    stride: "int"  # to the next stamp
     count: "int"  # members
     total: "int"  # with those that are read
     shaped: "i8[2]"  # numbers for which the arrays of the small problem are made
@@ -114,6 +121,7 @@ class Patch(Bundle):
     needs: "int"  # and for which there is to be
     why: "int"  # it is renewed
     kept: "int"  # 1: its instant is over, its polynomials are still to come, once there is room for them
+    beyond: "int"  # 1: it would have members that are none of the part's
 
 
 class Assembly(Bundle):
@@ -134,6 +142,26 @@ class Assembly(Bundle):
     share: "float"  # of the tolerances, by which the rim of a patch may change
     alone: "int"  # 1: no element reads another one
     due: "int"  # so many renewed in all, and the run comes back to look at the clock
+    # ---- parts
+    parts: "int"
+    seat: "int"  # the part whose events this Assembly works off; `parts`: the border, and all that is between parts
+    own: "int"  # the part of which alone members may be, -1: any
+    task: "int"  # of the parts
+    limit: "float"  # before which they work off events
+    threads: "int"
+    orders: "int"  # given to the threads
+    unit_of_parts: "int"  # address
+    crew: "i8[parts, 6]"  # addresses of the Bundles of each part
+    post: "i8[threads, 16]"  # of each thread: the last order, and 8 places on the last one that is done
+    post_address: "int"
+    here: "int"  # address of this Bundle
+    told: "i8[parts]"  # how the task ended
+    waits: "f8[parts]"  # the time of an event that reaches beyond the part, inf for none
+    pending: "i8[parts]"  # stamp of a patch whose instant is over and that waits so
+    clock: "f8[parts]"  # of the last event
+    left: "i8[parts]"  # 1: some of its elements move with elements beyond it
+    effort: "i8[parts]"  # elements renewed in this look
+    shortest: "f8[parts]"  # first step
     way: "float"  # factor of the slab's length that is tried next
     # ---- elements
     near: "i4[elements, nr]"  # itself beyond an open end
@@ -165,13 +193,13 @@ class Assembly(Bundle):
     )
     stalled: "i1[elements]"
     minute: "i4[elements]"
-    active: "i4[elements]"  # those that are renewed at the end of a slab
-    actives: "int"
+    active: "i4[elements]"  # those that are renewed at the end of a slab, part by part
+    actives: "i8[parts + 1]"
     active_place: "i4[elements]"  # -1: at rest among elements at rest
     seen: "i4[elements]"  # the slab at whose start it was renewed
     slabs: "int"
-    scanned: "int"
-    scanned_rest: "int"
+    begun_with: "int"  # elements at their start
+    scanned: "i8[parts + 1, 2]"  # of those: that move, and that rest
     # ---- counters, and the length of a slab by them
     steps: "int"
     jets: "int"
