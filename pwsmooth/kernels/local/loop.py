@@ -546,18 +546,21 @@ def _next_slab(A):
 def _meets_now(A, t):
     """Makes the elements whose key is t, to rounding, the members; why they are renewed."""
     T, Q, E = A.patch, A.queue, A.kind
-    top, end = Q.first[A.seat], Q.first[A.seat] + Q.size[A.seat]
-    limit = t + at_once_within(t, A.length[Q.heap[top]])
+    limit = t + at_once_within(t, A.length[Q.heap[Q.first[A.seat]]])
     # Where no element knows of another some come after the others, as the instant looks at all of its members; and of
     # contacts: those that act on each other touch, so that they are found whoever comes first.
     alone = A.alone != 0 and E.together == 0
     most = _CHUNK if alone else _CHUNK // 4 if len(E.contact) > 0 else len(A.begun)
     begin_patch(A)
     # Down the heap as long as keys are that early; the members so far are the places still to look at.
-    take_in(A, Q.heap[top])
+    for d in range(A.parts + 1):
+        if (d == A.seat or A.own < 0) and first_key(Q, d) <= limit:
+            take_in(A, Q.heap[Q.first[d]])
     k = 0
     while k < T.count:
-        place = Q.place[T.member[k]]
+        i = T.member[k]
+        place, d = Q.place[i], Q.part[i]
+        top, end = Q.first[d], Q.first[d] + Q.size[d]
         for below in range(2 * place + 1 - top, 2 * place + 3 - top):
             if below < end and Q.key[Q.heap[below]] <= limit and T.count < most:
                 take_in(A, Q.heap[below])
@@ -628,16 +631,21 @@ def _act(A, P, C, S, R, W):
 @kernel
 def _act_in_part(A, P, C, S, R, W, limit):
     """The events of a part before `limit`, up to one that reaches beyond it; a code."""
-    d, t = A.seat, first_key(A.queue, A.seat)
+    Q, d = A.queue, A.seat
+    t = first_key(Q, d)
+    if A.pending[d] == 0:
+        A.waits[d] = math.inf
     while A.waits[d] == math.inf and t < limit and t <= A.slab_end:
         if A.renewed >= A.due:
             return AGAIN
-        code = _next_event(A, P, C, S, R, W)
+        # What happens at one instant with something of the border is made together with that.
+        together = t + at_once_within(t, A.length[Q.heap[Q.first[d]]]) >= limit
+        code = ELSEWHERE if together else _next_event(A, P, C, S, R, W)
         if code == ELSEWHERE:
             A.waits[d], A.pending[d] = t, A.patch.stamp if A.patch.kept != 0 else 0
         elif code != GO_ON:
             return code
-        t = first_key(A.queue, d)
+        t = first_key(Q, d)
     return GO_ON
 
 
