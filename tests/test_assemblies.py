@@ -234,35 +234,36 @@ def test_a_checkpoint_whose_events_are_gone_is_refused(tmp_path, monkeypatch):
         Recorder(checkpoint="run.chk")
 
 
+@pytest.mark.parametrize("parts", [0, 2])
 @pytest.mark.parametrize(
     "make", [lambda: train(120), lambda: toppling("chain", 120)], ids=["train", "toppling"]
 )
-def test_an_event_for_which_there_is_no_room_happens_once(monkeypatch, make):
+def test_an_event_for_which_there_is_no_room_happens_once(monkeypatch, make, parts):
     """Room is found too small at almost every event, before its instant and after."""
     system, start = make()
+    if parts:
+        monkeypatch.setattr("pwsmooth.paths.parts._FROM", 100)
+        monkeypatch.setattr("pwsmooth.paths.parts._WIDE", 12)
     whole = solve(system, (0, 60), start, local=True, t_eval=[0, 60])
-    met, bundles = [], local._Run._bundles
+    met, call, grow = [], local._Run._call, local.SmallSystem.enlarge
 
-    def narrow(run, most):
-        bundles(run, most)
-        patch, loop, grow = run.A.patch, run.loop, run._enlarge
+    def narrow(run):
+        if not met or not met[-1]:
+            for small in run.systems:
+                small.A.patch.most = 1
+        code = call(run)
+        met.append(code == Outcome.OUT_OF_MEMORY)
+        return code
 
-        def called(*arrays):
-            if not met or not met[-1]:
-                patch.most = 1
-            code = loop(*arrays)
-            met.append(code == Outcome.OUT_OF_MEMORY)
-            return code
+    def enlarge(small):
+        patch = small.A.patch
+        if patch.needs:
+            patch.most, patch.needs = patch.needs, 0
+        else:
+            grow(small)
 
-        def enlarge():
-            if patch.needs:
-                patch.most = patch.needs
-            else:
-                grow()
-
-        run.loop, run._enlarge = called, enlarge
-
-    monkeypatch.setattr(local._Run, "_bundles", narrow)
+    monkeypatch.setattr(local._Run, "_call", narrow)
+    monkeypatch.setattr(local.SmallSystem, "enlarge", enlarge)
     monkeypatch.setattr(local, "SLICE", 1)
     found = solve(system, (0, 60), start, local=True, t_eval=[0, 60])
     assert sum(met) > len(whole.events) / 2

@@ -16,7 +16,7 @@ import numpy as np
 from ..codegen.machine.cache import fingerprint
 
 # What the same call makes again.
-_STATIC = {"near", "reader_first", "reader", "p", "shift", "asked", "slip_share", "keeps", "number", "cell", "part"}
+_STATIC = {"near", "reader_first", "reader", "p", "part", "shift", "asked", "slip_share", "keeps", "number", "cell"}
 _STATIC |= {"crew", "post", "post_address", "here", "unit_of_parts", "threads", "orders", "most"}
 
 
@@ -25,7 +25,7 @@ def was_in_parts(path: Path | None) -> bool:
     if path is None or not path.exists():
         return True
     with np.load(path) as kept:
-        return "parts" not in kept or bool(kept["parts"])
+        return bool(kept["parts"])
 
 
 class Saved:
@@ -66,8 +66,7 @@ class Saved:
             kept |= {f"statistic {i}.{name}": value for name, value in statistic.numbers().items()}
         beside = self.path.with_name(self.path.name + ".new")
         with open(beside, "wb") as stream:
-            told = {"mark": np.array(self.mark), "rows": np.array(run.log.rows), "parts": np.array(run.A.parts)}
-            np.savez(stream, **told, **kept)
+            np.savez(stream, mark=np.array(self.mark), rows=np.array(run.log.rows), **kept)
             stream.flush()
             os.fsync(stream.fileno())
         os.replace(beside, self.path)

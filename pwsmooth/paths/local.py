@@ -284,7 +284,7 @@ class _Run:
         kind = self._kind()
         part = np.zeros(n, np.int8)
         if in_parts and self._may_be_cut(kind):
-            part = cut(near, any(offset >= LINKED for offset in offsets))
+            part = cut(near, first, pairs[:, 1], any(offset >= LINKED for offset in offsets))
         parts = PARTS if part.any() else 0
         in_order = np.argsort(part, kind="stable").astype(np.int32)
         counts = np.bincount(part, minlength=parts + 1)
@@ -333,7 +333,14 @@ class _Run:
         for d in range(parts):
             own = local.Patch.zeros(sizes, mark=patch.mark, slot=patch.slot)
             of_part = local.Assembly.zeros(
-                sizes, kind=A.kind.changed(), queue=A.queue.changed(), patch=own, seat=d, own=d, **numbers, **all_of_them
+                sizes,
+                kind=A.kind.changed(),
+                queue=A.queue.changed(),
+                patch=own,
+                seat=d,
+                own=d,
+                **numbers,
+                **all_of_them,
             )
             self.systems.append(SmallSystem(self, self._code(), of_part))
             A.crew[d] = self.systems[-1].addresses
@@ -376,7 +383,9 @@ class _Run:
         record = self.record
         self.statistics = {}
         for name, what in ((record.statistics if record else None) or {}).items():
-            self.statistics[name] = begin(what, name, self._surfaces(), self.names, KINDS, whole[0], self.A.near)
+            self.statistics[name] = begin(
+                what, name, self._surfaces(), self.names, KINDS, whole[0], self.A.near
+            )
         saved = Saved(self, np.array(whole[:2]), whole[2]) if path else None
         rows = saved.load() if saved else 0
         self.log = Writer(record and record.events, self.names, rows)
@@ -467,7 +476,9 @@ class _Run:
             if self.record and self.record.progress and (now := time.monotonic()) > shown + 1.0:
                 shown = now
                 events = self.log.rows + self._sum("events")
-                print(f"t = {A.slab_begin:.6g}, {events} events, {A.actives.sum()} elements move", file=sys.stderr)
+                print(
+                    f"t = {A.slab_begin:.6g}, {events} events, {A.actives.sum()} elements move", file=sys.stderr
+                )
             if stop:
                 return Outcome.TIME_LIMIT if late else Outcome.TOO_MANY_STEPS
 
@@ -515,6 +526,7 @@ class _Run:
             # What has no polynomials yet is all that there is.
             first = self.initial or (A.x, A.mult, A.status)
             parts = [np.stack(pair) for pair in zip(first, (A.x, A.mult, A.status), strict=True)]
+            self.initial = first = None
             times = np.array([times[0], A.t])
             names_of = {name: A.x_asked[:reached, :, b].T for b, name in enumerate(self.log.states)}
             for b, mu in enumerate(self.template.model.multipliers):
@@ -590,8 +602,10 @@ class _Run:
         """The multipliers, lambda in the place of sigma where static friction is two levels."""
         first = self.model.families.starts("multipliers")
         for level in self.template.levels:
-            rows = slice(first[level.multiplier], first[level.multiplier] + self.n)
-            mult[rows] = self._lambda(level, mult[rows], status[rows], np.arange(self.n))
+            for at in range(0, self.n, _LEAN):  # of some at a time: what lies between takes much room
+                some = np.arange(at, min(at + _LEAN, self.n))
+                rows = first[level.multiplier] + some
+                mult[rows] = self._lambda(level, mult[rows], status[rows], some)
         return mult
 
     def _lambda(self, level: Level, sigma: np.ndarray, status: np.ndarray, elements: np.ndarray) -> np.ndarray:

@@ -20,30 +20,38 @@ _WIDE = 24  # links that the border reaches on each side: patches reach over a f
 _MOST = 0.25  # of the elements in the border
 
 
-def cut(near: np.ndarray, by_table: bool) -> np.ndarray:
+def cut(near: np.ndarray, first: np.ndarray, reader: np.ndarray, by_table: bool) -> np.ndarray:
     """The part of each element, shape (n,), or `PARTS` for the border between them; 0 everywhere where there is no
-    good cut. Row i of `near` has what element i is linked to; numbers far from each other are linked `by_table`."""
-    from scipy.sparse import coo_array  # which the import of the package does without
-    from scipy.sparse.csgraph import reverse_cuthill_mckee
+    good cut.
 
+    Row i of `near` has what element i reads, `reader[first[i]:first[i + 1]]` who reads it; with a table of links
+    numbers say nothing of who is far from whom.
+    """
     n = len(near)
-    i = np.arange(n)
+    whole, part = np.zeros(n, np.int8), (PARTS * np.arange(n) // n).astype(np.int8)
     if n < _FROM:
-        return np.zeros(n, np.int8)
-    from_, to = np.repeat(i, near.shape[1]), near.ravel()
-    if not (from_ != to).any():
-        return (PARTS * i // n).astype(np.int8)
-    ends = np.concatenate([from_, to]), np.concatenate([to, from_])
-    links = coo_array((np.ones(len(ends[0]), np.int32), ends), (n, n)).tocsr()
-    order = reverse_cuthill_mckee(links, symmetric_mode=True) if by_table else i
-    part = np.empty(n, np.int8)
-    part[order] = PARTS * i // n
+        return whole
+    if by_table:
+        from scipy.sparse import csr_array
+        from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+        part[reverse_cuthill_mckee(csr_array((np.ones(len(reader), np.int8), reader, first), (n, n)))] = (
+            part.copy()
+        )
     border = np.zeros(n, bool)
-    border[from_[part[from_] != part[to]]] = border[to[part[from_] != part[to]]] = True
+    reads = part[near] != part[:, None]
+    border[near[reads]] = border[reads.any(axis=1)] = True
+    new = np.flatnonzero(border)
     for _ in range(_WIDE):
-        border |= links @ border > 0
+        count = first[new + 1] - first[new]
+        readers = reader[np.repeat(first[new + 1] - np.cumsum(count), count) + np.arange(count.sum())]
+        new = np.unique(np.concatenate([near[new].ravel(), readers]))
+        new = new[~border[new]]
+        border[new] = True
+        if border.mean() > _MOST:
+            return whole
     part[border] = PARTS
-    return part if border.mean() <= _MOST else np.zeros(n, np.int8)
+    return part
 
 
 def threads_for(wanted: int | None, inside: bool) -> int:
@@ -58,7 +66,9 @@ def beside(A: Any) -> Iterator[None]:
     from ..codegen.machine.units import stand_by
 
     A.post[:] = A.orders = 0
-    helpers = [threading.Thread(target=stand_by(), args=[A.address, w], daemon=True) for w in range(1, A.threads)]
+    helpers = [
+        threading.Thread(target=stand_by(), args=[A.address, w], daemon=True) for w in range(1, A.threads)
+    ]
     for helper in helpers:
         helper.start()
     yield  # the kernel tells them when it is done

@@ -44,7 +44,6 @@ from .members import (
     take_in_touching,
     take_in_written,
 )
-from .patch import degree_of, gather, largest_change, note_records, scatter, state_at, write_asked
 from .parts import (
     EVENTS_OF_PARTS,
     MOVING,
@@ -58,6 +57,7 @@ from .parts import (
     work_in_parts,
     worse,
 )
+from .patch import degree_of, gather, largest_change, note_records, scatter, state_at, write_asked
 from .queue import first_key, put_in_queue
 from .state import ELSEWHERE, WITHOUT_PARTS, Assembly
 

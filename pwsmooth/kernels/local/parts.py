@@ -59,9 +59,7 @@ def _hear(typingctx, address, k):
 def call_part(A, d):
     """Part d at its task; its code is in A.told."""
     crew = A.crew[d]
-    A.told[d] = _call_part(
-        A.unit_of_parts, crew[0], A.here, crew[1], crew[2], crew[3], crew[4], crew[5]
-    )
+    A.told[d] = _call_part(A.unit_of_parts, crew[0], A.here, crew[1], crew[2], crew[3], crew[4], crew[5])
 
 
 @kernel
@@ -142,7 +140,12 @@ def is_ahead(A, t):
 @kernel
 def take_over(A, all_of_them):
     """What holds for all parts now."""
-    A.t, A.t_end, A.slab, A.slab_begin = all_of_them.t, all_of_them.t_end, all_of_them.slab, all_of_them.slab_begin
+    A.t, A.t_end, A.slab, A.slab_begin = (
+        all_of_them.t,
+        all_of_them.t_end,
+        all_of_them.slab,
+        all_of_them.slab_begin,
+    )
     A.slab_end, A.threads = all_of_them.slab_end, all_of_them.threads
     if A.slabs != all_of_them.slabs:
         A.slabs = all_of_them.slabs
