@@ -291,7 +291,7 @@ class _Run:
         sizes = dict(
             elements=n, ns=ns, nm=nm, ne=ne, nt=len(self.timed), nr=len(offsets), np=len(self.own_parameters),
             width=self.width, kept=len(kept), times=len(times), room=_FIRST_LOG, unsure=_FIRST_LOG, most=0,
-            near_places=0, cells=0, parts=parts, threads=PARTS,
+            near_places=0, cells=0, parts=parts,
         )  # fmt: skip
         queue = local.Queue.zeros(sizes, part=part, first=np.cumsum([0, *counts[:-1]]))
         queue.place[:], queue.key[:] = -1, math.inf
@@ -300,8 +300,7 @@ class _Run:
         )
         A = self.A = local.Assembly.zeros(
             sizes, kind=kind, queue=queue, patch=local.Patch.zeros(sizes), near=near, reader_first=first,
-            reader=np.ascontiguousarray(pairs[:, 1]), asked=times, seat=parts, own=-1,
-            threads=min(parts, self.threads) if parts else 1, **numbers,
+            reader=np.ascontiguousarray(pairs[:, 1]), asked=times, seat=parts, own=-1, **numbers,
         )  # fmt: skip
         A.here, A.post_address = A.address, A.post.ctypes.data
         A.unit_of_parts = ctypes.cast(self.loop, ctypes.c_void_p).value
@@ -425,7 +424,7 @@ class _Run:
             A.patch.mark[:] = A.fresh[:] = 0
             for k, system in enumerate(systems):
                 system.A.patch.stamp = 1 + k
-        with beside(A):
+        with beside(A, self.threads):
             code = self.loop(*systems[0].addresses[:1], A.address, *systems[0].addresses[1:])
         if code == Outcome.OUT_OF_MEMORY:  # perhaps in the midst of an event: nothing else now
             waiting = np.flatnonzero(A.told == Outcome.OUT_OF_MEMORY)

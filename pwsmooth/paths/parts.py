@@ -61,16 +61,15 @@ def threads_for(wanted: int | None, inside: bool) -> int:
 
 
 @contextlib.contextmanager
-def beside(A: Any) -> Iterator[None]:
-    """The other threads of an Assembly stand by while its kernel runs."""
+def beside(A: Any, threads: int) -> Iterator[None]:
+    """All threads but this one stand by while the kernel of an Assembly runs."""
     from ..codegen.machine.units import stand_by
 
     A.post[:] = A.orders = 0
-    helpers = [
-        threading.Thread(target=stand_by(), args=[A.address, w], daemon=True) for w in range(1, A.threads)
-    ]
+    others = threads - 1 if A.parts else 0
+    helpers = [threading.Thread(target=stand_by(), args=[A.address], daemon=True) for _ in range(others)]
     for helper in helpers:
         helper.start()
-    yield  # the kernel tells them when it is done
+    yield  # the kernel dismisses them
     for helper in helpers:
         helper.join()

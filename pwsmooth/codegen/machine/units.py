@@ -123,8 +123,8 @@ def local_loop():
 
 @cache
 def stand_by():
-    """kernels.local.parts.stand_by as a Python function of the address of an Assembly and the number of a thread."""
-    return ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(unit_address("stand_by"))
+    """kernels.local.parts.stand_by as a Python function of the address of an Assembly."""
+    return ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(unit_address("stand_by"))
 
 
 @cache

@@ -50,8 +50,8 @@ from .parts import (
     ONE_EVENT,
     RESTING,
     call_part,
+    dismiss,
     is_ahead,
-    leave_post,
     report,
     take_over,
     work_in_parts,
@@ -722,7 +722,7 @@ def run(A, all_of_them, P, C, S, R, W):
     if A.seat < A.parts:
         return _work(A, all_of_them, P, C, S, R, W)
     code = _halt(A, P, C, S, R, W) if A.halts != 0 else _advance(A, P, C, S, R, W)
-    leave_post(A)
+    dismiss(A)
     if code == Outcome.FINISHED or code == Outcome.TIME_LIMIT:
         begin_patch(A)
     if code < GO_ON and code != Outcome.OUT_OF_MEMORY:

@@ -25,7 +25,11 @@ from ..state import AGAIN, GO_ON
 from .state import WITHOUT_PARTS, Assembly
 
 MOVING, RESTING, EVENTS_OF_PARTS, ONE_EVENT = range(4)  # tasks of a part
-_DONE = 8  # place of a thread's answer: another cache line than that of the order
+_LINE, _TAKEN, _DONE = (
+    16,
+    0,
+    8,
+)  # places of a post, more than a cache line; that of part d stands behind that of all
 
 _call_part = caller("A, all, P, C, S, R, W", types.int64)
 
@@ -55,6 +59,17 @@ def _hear(typingctx, address, k):
     return types.int64(types.int64, types.int64), codegen
 
 
+@intrinsic
+def _take(typingctx, address, k, before, value):
+    """Writes an int64 where `before` stands, unless another thread has; whether it has not."""
+
+    def codegen(context, builder, sig, args):
+        place, before, value = _pointer(builder, *args[:2]), *args[2:]
+        return builder.extract_value(builder.cmpxchg(place, before, value, "acq_rel", "acquire"), 1)
+
+    return types.boolean(types.int64, types.int64, types.int64, types.int64), codegen
+
+
 @kernel
 def call_part(A, d):
     """Part d at its task; its code is in A.told."""
@@ -63,19 +78,26 @@ def call_part(A, d):
 
 
 @kernel
-def work_in_parts(A, task, limit):
-    """All parts at a task, beside each other; a code."""
-    A.task, A.limit, place = task, limit, 16 * 8
-    A.orders += 1
-    for w in range(1, A.threads):
-        _tell(A.post_address + place * w, 0, A.orders)
-    for d in range(0, A.parts, A.threads):
+def _call_if_free(A, d, order):
+    """Part d at the task of this order, where no other thread has begun it."""
+    place = _LINE * (1 + d)
+    if _take(A.post_address, place + _TAKEN, order - 1, order):
         call_part(A, d)
-    for w in range(1, A.threads):
-        while _hear(A.post_address + place * w, _DONE) != A.orders:
-            pass
+        _tell(A.post_address, place + _DONE, order)
+
+
+@kernel
+def work_in_parts(A, task, limit):
+    """All parts at a task, beside each other; a code. No thread waits for one that has not begun yet."""
+    A.task, A.limit = task, limit
+    A.orders += 1
+    _tell(A.post_address, 0, A.orders)
+    for d in range(A.parts):
+        _call_if_free(A, d, A.orders)
     code = GO_ON
     for d in range(A.parts):
+        while _hear(A.post_address, _LINE * (1 + d) + _DONE) != A.orders:
+            pass
         code = worse(code, A.told[d])
     return code
 
@@ -93,23 +115,22 @@ def worse(code, other):
 
 
 @kernel
-def leave_post(A):
+def dismiss(A):
     """The other threads are done."""
-    for w in range(1, A.threads):
-        _tell(A.post_address + 16 * 8 * w, 0, -1)
+    if A.parts > 0:
+        _tell(A.post_address, 0, -1)
 
 
-@unit(types.int64, Assembly, types.int64)
-def stand_by(A, w):
-    """What thread w > 0 does for the Assembly of all, until it is told that it is done."""
-    post, last = A.post_address + 16 * 8 * w, 0
-    while last >= 0:
-        order = _hear(post, 0)
-        if order != last:
-            last = order
-            for d in range(w, A.parts if order > 0 else 0, A.threads):
-                call_part(A, d)
-            _tell(post, _DONE, order)
+@unit(types.int64, Assembly)
+def stand_by(A):
+    """What another thread does for the Assembly of all, until it is dismissed."""
+    order = 0
+    while order >= 0:
+        new = _hear(A.post_address, 0)
+        if new != order:
+            order = new
+            for k in range(A.parts if order > 0 else 0):
+                _call_if_free(A, A.parts - 1 - k, order)
     return 0
 
 
@@ -146,7 +167,7 @@ def take_over(A, all_of_them):
         all_of_them.slab,
         all_of_them.slab_begin,
     )
-    A.slab_end, A.threads = all_of_them.slab_end, all_of_them.threads
+    A.slab_end = all_of_them.slab_end
     if A.slabs != all_of_them.slabs:
         A.slabs = all_of_them.slabs
         A.scanned[:, :] = 0

@@ -148,11 +148,10 @@ class Assembly(Bundle):
     own: "int"  # the part of which alone members may be, -1: any
     task: "int"  # of the parts
     limit: "float"  # before which they work off events
-    threads: "int"
     orders: "int"  # given to the threads
     unit_of_parts: "int"  # address
     crew: "i8[parts, 6]"  # addresses of the Bundles of each part
-    post: "i8[threads, 16]"  # of each thread: the last order, and 8 places on the last one that is done
+    post: "i8[parts + 1, 16]"  # the last order; of each part the last one that is taken, and 8 places on, that is done
     post_address: "int"
     here: "int"  # address of this Bundle
     told: "i8[parts]"  # how the task ended
