@@ -11,6 +11,7 @@ from .machine.compiling import inlined_kernel, kernel
 
 _LAST_EVENTS = 1e-9  # much closer, a bounce of an event disappears in the roundings of its surface
 SHRUNK = 1e-7  # of the time over which intervals have shrunk: a motion on that scale is followed so near to its limit
+_AS_FAR = 0.5  # of the farthest
 _UNSEEN = 1e-14  # of the time: intervals that its rounding hides
 _LOST_EVENTS = 1e-3  # and less close not: a surface that is met without a slope hugs zero as well
 
@@ -51,6 +52,26 @@ def note_interval(last, t):
         last[6] = last[0]
     last[1] = interval
     last[0] = t
+
+
+@kernel
+def note_arc(S, j, speed):
+    """Notes an instant at which surface j is met at this speed, and how far the way since the last one has led from it:
+    as far as a parabola."""
+    last, arcs = S.last[j], S.arcs[j]
+    before = last[0]
+    note_interval(last, S.t)
+    arcs[0] = 0.25 * abs(speed) * last[1]
+    arcs[1] = arcs[0] if last[6] == before else max(arcs[1], arcs[0])
+
+
+@inlined_kernel
+def leads_as_far(arcs):
+    """Whether the ways between the meetings of a surface lead as far from it as ever, while their times shrink to 0.
+
+    Then the motion has no limit: it goes to infinity in finite time, or turns ever faster.
+    """
+    return arcs[0] >= _AS_FAR * arcs[1] > 0.0
 
 
 @kernel

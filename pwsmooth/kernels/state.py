@@ -177,6 +177,8 @@ class State(Bundle):
     deflate: "i8[m + ne]"  # known zero orders of the surfaces at the step's start
     side: "i8[ne]"  # sign of each event surface
     last: "f8[m, 7]"  # rows of intervals.py
+    arcs: "f8[m, 2]"  # how far the last way between two meetings has led from a surface, and the farthest of them since
+    # their intervals shrink
     steps: "int"  # counts, since the start or since the caller has emptied the buffers
     jets: "int"
     layers: "int"

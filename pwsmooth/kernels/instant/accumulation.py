@@ -11,6 +11,7 @@ from ..intervals import (
     SHRUNK,
     forget_intervals,
     have_shrunk,
+    leads_as_far,
     note_interval,
     time_left,
     time_size,
@@ -18,6 +19,7 @@ from ..intervals import (
 )
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.pointers import call_act, call_fields
+from ..outcome import Outcome
 from ..state import (
     ACTS,
     ALGEBRAIC,
@@ -175,6 +177,8 @@ def pass_accumulation(P, C, S, R, W):
         return NOTHING
     if _is_of_impacts_alone(P, S, W, leader, left):
         return NOTHING
+    if leads_as_far(S.arcs[leader]):
+        return Outcome.STEP_UNDERFLOW
     if minute:
         go_on_as_arcs(P, S, W, left)
     S.t = t + left

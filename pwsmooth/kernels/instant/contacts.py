@@ -15,7 +15,7 @@ Chain: instants.py, starting.py -> **this file** -> sparse.py, sliding.py.
 
 import math
 
-from ..intervals import forget_intervals, note_interval, time_size
+from ..intervals import forget_intervals, note_arc, time_size
 from ..machine.compiling import kernel
 from ..machine.pointers import call_act, call_fields, call_linear, call_newton
 from ..outcome import Outcome
@@ -275,7 +275,7 @@ def _collide(P, S, R, W, size):
             keep_on_surface(P, S, j, W)
             S.deflate[j] = 1
             W.instant.hit[j] = True
-            note_interval(S.last[j], S.t)
+            note_arc(S, j, contacts.speed[a])
             record_event(S, R, j, EV_IMPACT, 1, 1)
     W.instant.jumped = 1
     return CHANGED

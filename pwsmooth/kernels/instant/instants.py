@@ -9,7 +9,7 @@ import math
 
 from numba import types
 
-from ..intervals import forget_intervals, note_interval, time_size
+from ..intervals import forget_intervals, note_arc, time_size
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_layer_unit
 from ..outcome import Outcome
@@ -170,16 +170,15 @@ def _arrivals(P, C, S, R, W, size, jumped):
         elif went != came:
             record_event(S, R, j, EV_CROSSING if came != SOLVED else EV_RESET, came, went)
         if came != SOLVED:
-            note_interval(S.last[j], S.t)
+            note_arc(S, j, approach_speed(P, S, j, W))
         if S.status[j] != SOLVED and P.step_unit != 0:
             step_inside(P, S, j, W)
     return GO_ON
 
 
 @kernel
-def _is_minute(P, C, S, W, j, interval):
+def _is_minute(P, C, S, W, j, speed, interval):
     """Whether an arc about surface j that takes `interval` is within the states' absolute tolerances of 0."""
-    speed = approach_speed(P, S, j, W)
     tolerance = 0.0
     for e in range(P.dh_row[j], P.dh_row[j + 1]):
         tolerance += abs(W.dh[e]) * C.atol[P.dh_col[e]]
@@ -253,12 +252,13 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
             mult[j] = float(went)
             S.deflate[j] = 1
             switched = True
-            note_interval(S.last[j], S.t)
+            speed = approach_speed(P, S, j, W)
+            note_arc(S, j, speed)
             singular = has_branch_point(P, j)
             if singular:
                 _look_at_arcs(P, C, S, W, j)
             interval = arc_ahead(P, S, W, j) if singular else S.last[j, 1]
-            S.minute = S.minute + 1 if _is_minute(P, C, S, W, j, interval) else 0
+            S.minute = S.minute + 1 if _is_minute(P, C, S, W, j, speed, interval) else 0
             told = singular and P.kind[j] == SECOND_ORDER  # an arc that has not been seen yet
             if S.minute > 0 and told and come_to_rest(P, C, S, R, W, j, 0.0):
                 S.minute = 0

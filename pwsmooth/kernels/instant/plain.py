@@ -6,7 +6,7 @@ layer and without a look at the other switches.
 
 import math
 
-from ..intervals import note_interval
+from ..intervals import note_arc
 from ..machine.compiling import kernel
 from ..outcome import Outcome
 from ..state import (
@@ -23,7 +23,7 @@ from ..state import (
 )
 from ..step.recording import record_event
 from ..surface.sliding import follow, keep_on_surface, mask_solved
-from .surface_rates import evaluate_surfaces, rests_along
+from .surface_rates import evaluate_surfaces, rests_along, speed_of
 
 
 @kernel
@@ -73,10 +73,10 @@ def cross_stick_or_leave(P, S, R, W, j):
         return NOTHING
     S.layers += 1
     S.deflate[j] = 1
+    note_arc(S, j, speed_of(P, W, j))
     if ahead > 0.0:
         S.status[j] = -came
         record_event(S, R, j, EV_CROSSING, came, -came)
-        note_interval(S.last[j], S.t)
         return GO_ON
     S.status[j] = SOLVED
     S.mult[j] -= far / slope
@@ -86,5 +86,4 @@ def cross_stick_or_leave(P, S, R, W, j):
         return Outcome.NO_ROOT
     W.instant.solved_there = 1
     record_event(S, R, j, EV_STICK, came, 0)
-    note_interval(S.last[j], S.t)
     return GO_ON

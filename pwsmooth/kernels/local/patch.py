@@ -257,6 +257,7 @@ def gather(A, P, C, S, W, t):
             some = some or (not known and S.status[j] == SOLVED)
             for c in range(S.last.shape[1]):
                 S.last[j, c] = A.last[i, b, c]
+            S.arcs[j, 0], S.arcs[j, 1] = A.arcs[i, b, 0], A.arcs[i, b, 1]
             W.meeting.exit_side[j] = A.exit_side[i, b]
         for b in range(E.ne):
             j = number_of(E, E.nm + b, M, k) - P.m
@@ -326,6 +327,7 @@ def scatter(A, P, S, W, count):
             A.exit_side[i, b] = W.meeting.exit_side[j]
             for c in range(S.last.shape[1]):
                 A.last[i, b, c] = S.last[j, c]
+            A.arcs[i, b, 0], A.arcs[i, b, 1] = S.arcs[j, 0], S.arcs[j, 1]
         for b in range(E.ne):
             j = number_of(E, E.nm + b, M, k) - P.m
             A.side[i, b] = S.side[j]

@@ -184,6 +184,7 @@ class Assembly(Bundle):
     graze_crosses: "i1[elements, nm + ne]"
     widest: "f8[elements, nm + ne]"
     last: "f8[elements, nm, 7]"
+    arcs: "f8[elements, nm, 2]"
     fired: "f8[elements, ne, 7]"
     every: "f8[elements, nt]"  # periods of the others
     tick: "i8[elements, nt]"  # which instant is next
