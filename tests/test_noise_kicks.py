@@ -6,9 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
+from family_models import template_from
 from noise_numbers import draws
 
 from pwsmooth import Event, Family, Kicks, Memory, Outcome, Switch, System, ensemble, solve
+from pwsmooth.definition import one_element
+from pwsmooth.noise.kicks import KickedRun
 
 t, x, y, v, z = sp.symbols("t x y v z", real=True)
 lam = Switch("lam", v)
@@ -239,3 +242,52 @@ def test_the_copies_of_a_family_are_kicked_like_single_states():
     after = kicks - np.sign(kicks) * (run.t[-1] - 1)
     assert np.allclose(run.x[[0, 7], -1], np.where(np.abs(kicks) > 0.05, after, 0), rtol=0, atol=1e-12)
     assert not run.x[1:7].any()
+
+
+# ---- families
+
+
+@pytest.mark.parametrize("hidden", [0, 0.2])
+def test_elements_of_a_family_are_kicked_as_those_that_are_written_out(hidden, monkeypatch):
+    monkeypatch.setattr(one_element, "LEVELS_FROM", 1)
+
+    def rubbing(n):
+        blocks = Family(n)
+        a, b = blocks.symbols("a b")
+        pull = blocks.neighbour(a, 1) - 2 * a + blocks.neighbour(a, -1)
+        rub = Switch("rub", b)
+        event = Event(a - 1, direction=1, update={a: 0.5})
+        rates = {a: b, b: pull - a - rub * (0.1 + hidden * (1 - rub**2))}
+        return System(rates, events=[event]), {a: np.cos(np.arange(n)), b: 0.0}, (a, b)
+
+    n, kicks = 12, {"every": 0.25, "seed": 3}
+    found = []
+    for least in (1, 10**9):
+        with template_from(least):
+            system, start, (a, b) = rubbing(n)
+        assert (system.model.families is None) == (least > n)
+        found.append(
+            solve(system, (0, 8), start, noise=Kicks({b: 0.05, a: 0.01}, **kicks), rtol=1e-12, atol=1e-14)
+        )
+        if least == 1:
+            looped = KickedRun(system, Kicks(0.05, on=b, **kicks)).system.model.families
+            assert (looped is None) == (hidden > 0)
+    one, other = found
+    assert len(one.event_times("reset")) > 30 and len(one.events) == len(other.events)
+    np.testing.assert_allclose(one.events.times, other.events.times, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(one.x[:, -1], other.x[:, -1], rtol=0, atol=1e-11)
+    names = [f"b_{i + 1}" for i in range(n)]
+    by_name = Kicks({**dict.fromkeys(names, 0.05), **{f"a_{i + 1}": 0.01 for i in range(n)}}, **kicks)
+    same = solve(system, (0, 8), start, noise=by_name, rtol=1e-12, atol=1e-14)
+    np.testing.assert_array_equal(same.x, other.x)
+
+
+def test_a_large_family_is_kicked_without_writing_its_elements_out():
+    blocks = Family(1000)
+    a, b = blocks.symbols("a b")
+    system = System({a: b, b: -a - sp.sign(b) / 10})
+    start = {a: np.linspace(-1, 1, 1000), b: 0}
+    run = solve(system, (0, 3), start, noise=Kicks(0.01, 0.5, on=b, seed=1), t_eval=[0, 3])
+    kicked = KickedRun(system, Kicks(0.01, 0.5, on=b))
+    assert kicked.system.model.families is not None and len(kicked.where) == 1000
+    assert run.success and len(run.event_times("reset")) == 6

@@ -26,6 +26,7 @@ import sympy as sp
 
 from ..definition import checks
 from ..definition.model import EventSpec, Model
+from ..definition.template import family_model
 
 LAWS = ("uniform", "normal", "laplace")
 
@@ -44,7 +45,8 @@ class Kicks:
     every : float, in units of time
         Time between two kicks, > 0; they fall on its multiples.
     on : state or sequence of states, optional
-        Which states are kicked, independently of each other; not needed where `size` is a mapping.
+        Which states are kicked, independently of each other; not needed where `size` is a mapping. The member symbol of
+        a family stands for the states of all its elements.
     law : {"uniform", "normal", "laplace"}
         Uniform on [-kappa, kappa] (standard deviation kappa/sqrt(3)), or normal or Laplace's (exponential tails) with
         standard deviation kappa.
@@ -141,7 +143,18 @@ def _size(value: Any, name: str) -> float:
 
 @functools.lru_cache(maxsize=64)
 def _with_kicks(model: Model) -> tuple[Model, sp.Symbol]:
-    """The model with one more time event, without an update of its own, and the symbol of its period."""
+    """The model with one more time event, without an update of its own, and the symbol of its period.
+
+    Of a model with families the template gets it, as an event of the whole system. Where hidden static friction is two
+    levels, which runs of all elements do not know, they are written out.
+    """
+    families = model.families
+    if families is not None and not families.template.levels:
+        text, every = _with_kicks(families.template.model)
+        template = replace(
+            families.template, model=text, event_families=(*families.template.event_families, None)
+        )
+        return family_model(replace(families, template=template)), every
     taken = {s.name for s in (model.time, *model.states, *model.parameters)}
     taken |= {m.symbol.name for m in model.multipliers} | {e.name for e in model.events}
     name = "kicks"
@@ -160,9 +173,15 @@ class KickedRun:
 
     def __init__(self, system: Any, kicks: Kicks) -> None:
         self.kicks = kicks
-        states, memories = list(system.states), system.states[len(system.states) - system.model.n_memory :]
-        found = [checks.lookup(name, states, "`on` of the kicks", "state") for name in kicks.on]
-        for symbol in found:
+        states = list(system.states)
+        memories = set(states[len(states) - system.model.n_memory :])
+        by_name = {s.name: s for s in states}
+        sizes = {
+            by_name.get(name) or checks.lookup(name, states, "`on` of the kicks", "state"): size
+            for group, size in zip(kicks.on, kicks.sizes)
+            for name in system.groups.get(group, (group,))  # a member's name is that of all elements
+        }
+        for symbol in sizes:
             if symbol in memories:
                 raise ValueError(
                     f"`on` of the kicks names {symbol.name!r}, which is a memory: it changes in events only. Kick a "
@@ -172,7 +191,8 @@ class KickedRun:
         self.system = copy.copy(system)
         self.system.model = model
         self.system.parameters = {**system.parameters, every: kicks.every}
-        pairs = [(states.index(s), size) for s, size in zip(found, kicks.sizes) if size > 0]
+        numbers = {s: i for i, s in enumerate(states)}
+        pairs = [(numbers[s], size) for s, size in sizes.items() if size > 0]
         self.where = np.array([i for i, _ in pairs], np.int64)
         self.size = np.array([size for _, size in pairs], float)
         self.index = len(model.events) - 1

@@ -22,8 +22,8 @@ from ..state import (
     SOLVED,
 )
 from ..step.recording import record_event
-from ..surface.sliding import follow, keep_on_surface, mask_solved
-from .surface_rates import evaluate_surfaces, rests_along, speed_of
+from ..surface.sliding import follow, keep_on_surface, mask_solved, surface_speed
+from .surface_rates import evaluate_surfaces, rests_along
 
 
 @kernel
@@ -73,7 +73,7 @@ def cross_stick_or_leave(P, S, R, W, j):
         return NOTHING
     S.layers += 1
     S.deflate[j] = 1
-    note_arc(S, j, speed_of(P, W, j))
+    note_arc(S, j, surface_speed(P, W, j))
     if ahead > 0.0:
         S.status[j] = -came
         record_event(S, R, j, EV_CROSSING, came, -came)

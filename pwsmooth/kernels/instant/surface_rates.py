@@ -51,15 +51,6 @@ def residual(P, S, W, j, lam):
 
 
 @kernel
-def speed_of(P, W, j):
-    """dh_j/dt with the field and the gradients as they are."""
-    speed = W.dh[P.dh_row[P.m + P.ne] + j]
-    for e in range(P.dh_row[j], P.dh_row[j + 1]):
-        speed += W.dh[e] * W.dx[P.dh_col[e]]
-    return speed
-
-
-@kernel
 def approach_speed(P, S, j, W):
     """dh_j/dt with the present field; leaves in W.instant.rest_speed the size at which it is rounding."""
     evaluate_surfaces(P, S, W)

@@ -220,6 +220,15 @@ def put_in_slip(P, S, j, size, toward, W):
             go_down_gradient(P, S, W, j + 1 + r, A[r, d], 1.0)
 
 
+@inlined_kernel
+def surface_speed(P, W, i):
+    """dh_i/dt from the gradients in W.dh and the rates in W.dx; its change with the multipliers is not in it."""
+    speed = W.dh[P.dh_row[P.m + P.ne] + i]
+    for e in range(P.dh_row[i], P.dh_row[i + 1]):
+        speed += W.dh[e] * W.dx[P.dh_col[e]]
+    return speed
+
+
 @kernel
 def surface_size(P, S, j, W):
     """The size of what h_j is made of, from the gradient's row and the time slope in W.dh."""

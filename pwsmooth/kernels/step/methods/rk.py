@@ -14,7 +14,7 @@ from ...machine.compiling import inlined_kernel, kernel, unit
 from ...machine.pointers import call_fields, call_linear, call_newton
 from ...state import CONTACT, SOLVED, Control, Problem, State
 from ...surface.pair import DEGREE, STAGES, TIMES, errors, interpolant, stage_point
-from ...surface.sliding import mask_solved, surface_size
+from ...surface.sliding import mask_solved, surface_size, surface_speed
 from ...work import Work
 
 _MINUTE = 1e-12  # of a surface's size: the height of an arc of a thousand roundings
@@ -75,15 +75,6 @@ def _restore(P, S, W):
 
 
 @inlined_kernel
-def _slope(P, W, i):
-    """dh_i/dt from the gradients in W.dh and the rates in W.dx; its change with the multipliers is not in it."""
-    slope = W.dh[P.dh_row[P.m + P.ne] + i]
-    for e in range(P.dh_row[i], P.dh_row[i + 1]):
-        slope += W.dh[e] * W.dx[P.dh_col[e]]
-    return slope
-
-
-@inlined_kernel
 def _fit_one(row, fit, q, value):
     """Adds what is known at node q to a polynomial, whose first coefficient is the value at the start."""
     if q == 0:
@@ -122,11 +113,11 @@ def _polynomials(P, S, W, h):
     # While multipliers are solved for, surfaces in which they stand change with them.
     with_slope = pair.solves == 0
     for j in range(surfaces):
-        with_slope = with_slope and abs(_slope(P, W, j)) < math.inf
+        with_slope = with_slope and abs(surface_speed(P, W, j)) < math.inf
     fit = _FIT_WITH_SLOPE if with_slope else _FIT
     for j in range(surfaces if with_slope else 0):
         for c in range(DEGREE + 1):
-            rows[n + m + j, c] = fit[c, 1] * h * _slope(P, W, j)
+            rows[n + m + j, c] = fit[c, 1] * h * surface_speed(P, W, j)
     for q in range(DEGREE + 1):
         theta = _NODES[q]
         for i in range(n):
@@ -203,7 +194,7 @@ def _linear_terms(P, S, W):
         W.step.rows[P.n + j, 0] = S.mult[j]
     for i in range(P.m + P.ne):
         W.step.rows[P.n + P.m + i, 0] = W.h[i]
-        W.step.rows[P.n + P.m + i, 1] = _slope(P, W, i)
+        W.step.rows[P.n + P.m + i, 1] = surface_speed(P, W, i)
 
 
 @kernel
@@ -213,7 +204,7 @@ def _slope_after(P, C, S, W, i, h):
     if not _try_step(P, C, S, W, h) < math.inf:
         return math.nan
     call_linear(P.linear, S.t + h, S.x, S.mult, P.p, W.G, W.dh)
-    return _slope(P, W, i)
+    return surface_speed(P, W, i)
 
 
 @kernel
@@ -224,7 +215,7 @@ def _end_of_minute_arc(P, C, S, W, i, h):
     opposite at its ends.
     """
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
-    first, size = _slope(P, W, i), surface_size(P, S, i, W)
+    first, size = surface_speed(P, W, i), surface_size(P, S, i, W)
     if not 0.25 * abs(first) * h < _MINUTE * size:
         return 0.0
     for _ in range(4):
