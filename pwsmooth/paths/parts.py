@@ -68,8 +68,12 @@ def beside(A: Any, threads: int) -> Iterator[None]:
     A.post[:] = A.orders = 0
     others = threads - 1 if A.parts else 0
     helpers = [threading.Thread(target=stand_by(), args=[A.address], daemon=True) for _ in range(others)]
-    for helper in helpers:
-        helper.start()
-    yield  # the kernel dismisses them
-    for helper in helpers:
-        helper.join()
+    try:
+        for helper in helpers:
+            helper.start()
+        yield
+    finally:
+        A.post[0, 0] = -1  # dismissed, as by the kernel, which may not have come to it
+        for helper in helpers:
+            if helper.ident is not None:
+                helper.join()

@@ -20,6 +20,7 @@ NO_ROOT = 2.0  # outside [0, 1]
 _LOW = 6  # degree of the quick test
 GRAZING = 1e-12  # a dip this shallow, or this close to one, is not decided silently
 _DEEPEST = 46  # subdivisions: 2^-46 of a step is at rounding level
+_TURNS = 20  # of Newton's method for where a dip is lowest
 
 
 @inlined_kernel
@@ -165,6 +166,22 @@ def _refine(roots, degree, lo, hi, s):
 
 
 @kernel
+def _lowest(roots, degree, lo, hi, s):
+    """Where roots.poly is lowest in [lo, hi], by Newton's method on its slope from s; s where it is not convex."""
+    for _ in range(_TURNS):
+        slope, bend = 0.0, 0.0
+        for k in range(degree, 0, -1):
+            bend = bend * s + slope
+            slope = slope * s + k * at(roots.poly, k)
+        if not bend > 0.0:
+            break
+        before, s = s, min(hi, max(lo, s - slope / bend))
+        if abs(s - before) <= 1e-12:
+            break
+    return s
+
+
+@kernel
 def _guess(degree, b):
     """Where a polynomial with one root in [0, 1] and Bernstein coefficients b crosses zero, roughly."""
     first, last = b[0], b[degree]
@@ -239,15 +256,16 @@ def _subdivide(roots, degree, stride, negative):
                 )  # the step's end is the next step's business
                 for k in range(1, last):
                     if c[k] < GRAZING * max(a[0], roots.shallow):
-                        _note_grazing(roots, left + size * k / degree, 0)
+                        s = left + size * k / degree
+                        _note_grazing(roots, _lowest(roots, degree, left, left + size, s), 0)
         elif depth < _DEEPEST:
             lowest = c[0]
             for k in range(degree + 1):
                 lowest = min(lowest, c[k])
             if lowest > -noise and c[degree] > 0.0:
-                _note_grazing(
-                    roots, left + 0.5 * size, 0
-                )  # touches within rounding: not decided by the numbers
+                # Touches within rounding: not decided by the numbers.
+                s = _lowest(roots, degree, left, left + size, left + 0.5 * size)
+                _note_grazing(roots, s, 0)
             else:
                 negative = _split(roots, degree, stride, depth)
                 pending |= 1 << depth
