@@ -7,7 +7,7 @@ import pytest
 from chain_models import BELT, belt, chain, start_of, with_templates
 from test_assemblies import train
 
-from pwsmooth import Outcome, Recorder, solve
+from pwsmooth import Event, Family, Outcome, Recorder, System, solve
 from pwsmooth.kernels.local.state import WITHOUT_PARTS
 from pwsmooth.paths import local, parts
 from pwsmooth.paths.parts import PARTS, cut
@@ -195,6 +195,17 @@ def test_a_run_without_parts_goes_on_without_them(small, runs, monkeypatch, tmp_
     rest = solve(system, (0, 200), start, record=record)
     assert runs[2:] == [(0, Outcome.FINISHED)]
     same(rest, solve(system, (0, 200), start, record=Recorder()))
+
+
+def test_what_happens_at_the_very_end_is_kept(small, runs):
+    ticking = Family(200)
+    (a,) = ticking.symbols("a")
+    near = ticking.neighbour(a, 1) - 2 * a + ticking.neighbour(a, -1)
+    system = System({a: near}, events=[Event(every=1, update={a: a + 1})])
+    found = solve(system, (0, 3), {a: np.linspace(0, 1, 200)}, t_eval=[0, 3], local=True)
+    assert runs == [(PARTS, Outcome.FINISHED)]
+    np.testing.assert_array_equal(np.bincount(found.events.times.astype(int)), [0, 200, 200, 200])
+    assert abs(found.x[:, -1].mean() - 3.5) < 1e-12
 
 
 def test_the_stamps_of_patches_begin_anew(small, runs, monkeypatch):

@@ -37,7 +37,7 @@ def was_in_parts(path: Path | None) -> bool:
     if path is None or not path.exists():
         return True
     with np.load(path) as kept:
-        return bool(kept["parts"])
+        return "parts" in kept and bool(kept["parts"])
 
 
 class Saved:
@@ -46,7 +46,9 @@ class Saved:
     def __init__(self, run: Any, ends: np.ndarray, start: Any):
         self.run, self.path, self.every = run, run.record.checkpoint, run.record.checkpoint_every
         options = run.options._replace(max_steps=0)  # how far one call goes is no part of what it computes
-        told = repr((ends.tolist(), options, run.order, run.n, run.A.asked.tolist(), run.A.keeps.max()))
+        told = repr(
+            ("in parts", ends.tolist(), options, run.order, run.n, run.A.asked.tolist(), run.A.keeps.max())
+        )
         told += repr({**(run.record.statistics or {})})
         content = (
             told.encode() + np.array(start, float).tobytes() + np.array(run.system.parameter_values).tobytes()

@@ -332,15 +332,9 @@ class _Run:
         for d in range(parts):
             own = local.Patch.zeros(sizes, mark=patch.mark, slot=patch.slot)
             of_part = local.Assembly.zeros(
-                sizes,
-                kind=A.kind.changed(),
-                queue=A.queue.changed(),
-                patch=own,
-                seat=d,
-                own=d,
-                **numbers,
+                sizes, kind=A.kind.changed(), queue=A.queue.changed(), patch=own, seat=d, own=d, **numbers,
                 **all_of_them,
-            )
+            )  # fmt: skip
             self.systems.append(SmallSystem(self, self._code(), of_part))
             A.crew[d] = self.systems[-1].addresses
         for k, system in enumerate(self.systems):
@@ -388,13 +382,13 @@ class _Run:
         saved = Saved(self, np.array(whole[:2]), whole[2]) if path else None
         rows = saved.load() if saved else 0
         self.log = Writer(record and record.events, self.names, rows)
-        code = Outcome.FINISHED
+        code, stopped = names.AGAIN, (names.AGAIN, Outcome.TIME_LIMIT, Outcome.TOO_MANY_STEPS)
         try:
             code = self._advance(spending, saved)
         finally:
             if code != local.WITHOUT_PARTS:
-                self._flush(self._known())
-        if code in (Outcome.TIME_LIMIT, Outcome.TOO_MANY_STEPS):
+                self._flush(self._known() if code in stopped else math.inf)
+        if code in stopped:
             self.A.halts = 1  # the states where it is now
             for system in self.systems:
                 system.A.due = 2**62
