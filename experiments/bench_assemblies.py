@@ -185,7 +185,7 @@ def quiescent(sizes, rounds):
             spent = []
             for start in starts:
                 begin = time.process_time()
-                solution = solve(system, (0, 8), start, t_eval=[0, 8], local=True)
+                solution = solve(system, (0, 8), start, t_eval=[0, 8], local=True, threads=1)
                 spent.append(time.process_time() - begin)
             if round_:
                 times[n].append(spent[1] - spent[0])
@@ -563,7 +563,8 @@ def main():
         print(f"{row['ratio']:70}{row['measured']:10.3g}   {row['asked for']}")
     if arguments.out:
         write_json(arguments.out, record)
-        draw(record, Path(arguments.out).with_suffix(".png"))
+        if not arguments.without_others:
+            draw(record, Path(arguments.out).with_suffix(".png"))
 
 
 if __name__ == "__main__":
