@@ -16,20 +16,8 @@ import numpy as np
 from ..codegen.machine.cache import fingerprint
 
 # What the same call makes again.
-_STATIC = {
-    "near",
-    "reader_first",
-    "reader",
-    "p",
-    "part",
-    "shift",
-    "asked",
-    "slip_share",
-    "keeps",
-    "number",
-    "cell",
-}
-_STATIC |= {"crew", "post", "post_address", "here", "unit_of_parts", "orders", "most"}
+_STATIC = {*"near reader_first reader p part shift asked slip_share keeps number cell most".split()}
+_STATIC |= {*"crew post post_address here unit_of_parts orders".split()}
 
 
 def was_in_parts(path: Path | None) -> bool:

@@ -25,11 +25,10 @@ from ..state import AGAIN, GO_ON
 from .state import WITHOUT_PARTS, Assembly
 
 MOVING, RESTING, EVENTS_OF_PARTS, ONE_EVENT = range(4)  # tasks of a part
-_LINE, _TAKEN, _DONE = (
-    16,
-    0,
-    8,
-)  # places of a post, more than a cache line; that of part d stands behind that of all
+# Places of a post: so far from that of all, which has the order, to that of part 0, and from part to part, which is
+# more than a cache line; in each the last order that is taken, and that is done.
+_LINE = 16
+_TAKEN, _DONE = 0, 8
 
 _call_part = caller("A, all, P, C, S, R, W", types.int64)
 
@@ -161,13 +160,8 @@ def is_ahead(A, t):
 @kernel
 def take_over(A, all_of_them):
     """What holds for all parts now."""
-    A.t, A.t_end, A.slab, A.slab_begin = (
-        all_of_them.t,
-        all_of_them.t_end,
-        all_of_them.slab,
-        all_of_them.slab_begin,
-    )
-    A.slab_end = all_of_them.slab_end
+    A.t, A.t_end = all_of_them.t, all_of_them.t_end
+    A.slab, A.slab_begin, A.slab_end = all_of_them.slab, all_of_them.slab_begin, all_of_them.slab_end
     if A.slabs != all_of_them.slabs:
         A.slabs = all_of_them.slabs
         A.scanned[:, :] = 0
