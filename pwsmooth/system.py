@@ -32,7 +32,7 @@ from .definition.expansion import spread
 from .definition.functions import check_start, read_functions
 from .definition.lifting import plain
 from .definition.lowering import lower
-from .definition.many import Numbers, Symbols
+from .definition.many import Numbers, Symbols, carried
 from .definition.mechanics import arguments_of, mechanism
 from .definition.notation import named_rows, rate_of, solved_for_rates, time_of, without_impulses
 from .definition.primitives import Disc
@@ -193,7 +193,8 @@ class System(DescribedSystem):
         self._convention = convention
         self._view: View | None = None
         # Families are lowered as one element where that can be (one_element.py): n would take time ~ n and more.
-        self._element = one_element.read(*self._arguments) if convention == "hidden" else None
+        self._by_element = convention == "hidden"
+        self._element = one_element.read(*self._arguments) if self._by_element else None
         if self._element:
             self.parameters, self.model = self._element.parameters, self._element.model
         else:
@@ -326,6 +327,8 @@ class System(DescribedSystem):
 
     @cached_property
     def _field(self):
+        if self._view and self.model.families is not None:
+            return self._written_out()._field
         return filippov(self.definition.field) if self._convention == "filippov" else self.definition.field
 
     @property
@@ -492,16 +495,23 @@ class System(DescribedSystem):
         """This system without a template: what is derived of a family's elements one by one needs them all."""
         if self.model.families is None:
             return self
+        values = {p.name: value for p, value in self.parameters.items()}
+        if self._view:
+            if "written out" not in self._cache:
+                original = copy.copy(self._view.original._written_out())
+                original._by_element, original._cache = False, {}
+                self._cache["written out"] = original.smoothed(**self._view.arguments)
+            return self._cache["written out"].with_parameters(values)
         if "written out" not in self._cache:
             self._cache["written out"] = lower(self._field)
         other = copy.copy(self)
         other._element, other._cache, other.model = None, {}, self._cache["written out"]
-        values = {p.name: value for p, value in self.parameters.items()}
         other.parameters = {p: values[p.name] for p in self.definition.parameters}
         return other
 
     def _check_values(self):
-        of = self._element if self._element and not self._view else self._field
+        own = not self._view or self.model.families is not None
+        of = self._element if self._element and own else self._field
         of.check_values(self.parameters)
 
     # ---- views
@@ -528,9 +538,16 @@ class System(DescribedSystem):
         """
         if self._view and self._view.kind == "smoothed":
             raise ValueError("`smoothed` of a smoothed view: take the view of the original system.")
+        family = sigmoid_of(sigmoid)
+        title, arguments = f"smoothed, {family.name} sigmoid", dict(eps=eps, sigmoid=family.key)
+        if not isinstance(eps, Mapping) and self._by_element and not self._view:
+            width = {self._fresh("eps"): checks.positive(eps, "`eps`")}
+            if element := self._smoothed_element(family, width):
+                other = self._derived(None, element.model, width, View("smoothed", title, {}, self, arguments))
+                other._element = element
+                return other
         if not self._lams:
             raise ValueError("this system has no switches: there is nothing to smooth.")
-        family = sigmoid_of(sigmoid)
         lams, values = self._lams, self._by_switch(eps, "eps")
         if isinstance(eps, Mapping):
             if missing := [lam for lam in lams if lam not in values]:
@@ -552,9 +569,21 @@ class System(DescribedSystem):
         field, model = self._cache[key]
         kept = field.states
         gone = {z: note for z, note in (self._view.gone if self._view else {}).items() if z not in kept}
-        arguments = dict(eps=eps, sigmoid=family.key)
-        view = View("smoothed", f"smoothed, {family.name} sigmoid", gone, self, arguments)
-        return self._derived(field, model, widths, view)
+        return self._derived(field, model, widths, View("smoothed", title, gone, self, arguments))
+
+    def _smoothed_element(self, family, width):
+        """One element of the smoothed view, whose `width` has a symbol and a value; None where there is none."""
+        key = "smoothed element", family.key, *width
+        if key not in self._cache:
+
+            def smooth(field):
+                lams = [lam for lam, _ in field.switches] + [disc.symbol for disc in field.discs]
+                field = replace(field, parameters=(*field.parameters, *width))
+                return *smoothed(field, family, dict.fromkeys(lams, *width)), family.key
+
+            found = one_element.read(*self._arguments, smooth, width)
+            self._cache[key] = found if found and found.model.smoothing else None
+        return self._cache[key]
 
     def layered(self, ratios, *, sigmoid="algebraic", eps_ratio=None, time_constant=None):
         """The limit in which internal states are as fast as the layer: eps and beta -> 0, eps/beta = r.
@@ -674,17 +703,23 @@ class System(DescribedSystem):
 
     def _fresh(self, name):
         """A parameter symbol of a name that the system does not use yet."""
-        taken = {s.name for s in (*self.parameters, *self.states, self.model.time, *self._lams)}
+        lams = () if self._element else self._lams  # those of elements bear the marks of elements
+        taken = {str(self.model.time), *map(str, lams)}
+        for named in (self.model.parameters, self.model.states):
+            taken.update(named.blocks if isinstance(named, Symbols) else (s.name for s in named))
         while name in taken:
             name += "_"
         return sp.Symbol(name, positive=True)
 
     def _derived(self, field, model, values, view):
         other = copy.copy(self)
-        other._field, other.model, other._view, other._cache = field, model, view, {}
-        values_of = self.parameters | values
-        other.parameters = {p: values_of[p] for p in other.model.parameters}
-        dropped = [p for p in self.parameters if p not in other.parameters]
+        other.__dict__.pop("_field", None)
+        if field is not None:
+            other._field = field
+        other.model, other._view, other._cache = model, view, {}
+        other.parameters = carried(model.parameters, self.parameters, values)
+        many = isinstance(self.parameters, Numbers)
+        dropped = [] if many else [p for p in self.parameters if p not in other.parameters]
         other._notes = tuple(f"{p} drops out of this view" for p in dropped)
         return other
 

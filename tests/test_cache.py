@@ -66,11 +66,9 @@ print(json.dumps({
 # The exact loop with the five that these models call (no fold, no singular point), and the stiff one with five.
 EXACT = "trajectory.run instant.instants.at_instant step.roots.isolate surface.layer.layer surface.sliding.newton " \
     "instant.other_motions.report_other_motions"  # fmt: skip
-STIFF = (
-    "loop.integrate radau.attempt_unit step.taylor_unit dense.dense_factor dense.dense_solve events.events_unit"
-)
+STIFF = "loop.integrate radau.attempt_unit step.taylor_unit sparse.sparse_factor sparse.sparse_solve events.events_unit"
 CORE = {*EXACT.split(), *(f"stiff.{name}" for name in STIFF.split())}
-QUICK = {"surface.sliding.newton", "stiff.dense.dense_solve"}  # to compile
+QUICK = {"surface.sliding.newton", "stiff.sparse.sparse_solve"}  # to compile
 
 
 def test_solves_share_one_core_that_is_a_hit_in_a_second_process_and_see_a_changed_kernel(tmp_path):

@@ -57,7 +57,7 @@ def copy(tmp_path_factory):
         ("pwsmooth.compare", "compare/exact/report.py", "from ..ladders import chart\n"),
         ("Laws and systems are notation", "laws/inclusions.py", "from ..results import records\n"),
         ("What is built on solve()", "analysis/capture.py", "from ..codegen import layout\n"),
-        ("The stiff loop does without", "kernels/stiff/dense.py", "from ..work import Work\n"),
+        ("The stiff loop does without", "kernels/stiff/sparse.py", "from ..work import Work\n"),
     ],
     ids=lambda text: text.split("\n")[0],
 )

@@ -86,18 +86,19 @@ def test_rates_and_jacobian_are_those_of_sympy(model):
     f = sp.lambdify(symbols, model.rhs, ["scipy", "numpy"])
     J = sp.lambdify(symbols, sp.Matrix(model.rhs).jacobian(model.states), ["scipy", "numpy"])
     points, times = rng.uniform(-1, 1, (n, 8)), rng.uniform(0, 3, 8)
-    lanes, hoisted, out8 = np.zeros((n, 8)), np.zeros((compiled.n_hoisted, 8)), np.zeros((n, n))
+    lanes, hoisted = np.zeros((n, 8)), np.zeros((compiled.n_hoisted, 8))
+    entries = np.zeros(len(compiled.pattern[0]))
     if compiled.n_hoisted:
         call(compiled, "hoist", times, p, hoisted)
     call(compiled, "rates8", times, hoisted, points, p, lanes)
     for k in range(8):
         out, state = np.zeros(n), points[:, k].copy()
         call(compiled, "rates1", float(times[k]), state, p, out)
-        call(compiled, "jacobian", float(times[k]), state, p, out8)
+        call(compiled, "jacobian", float(times[k]), state, p, entries)
         expected = np.array(f(times[k], state, p), float)
         assert np.allclose(out, expected, rtol=1e-13, atol=1e-13)
         assert np.allclose(lanes[:, k], expected, rtol=1e-13, atol=1e-13)
-        assert np.allclose(out8, J(times[k], state, p), rtol=1e-12, atol=1e-12)
+        assert np.allclose(compiled.matrix(entries), J(times[k], state, p), rtol=1e-12, atol=1e-12)
 
 
 def test_every_function_of_lanes_is_that_of_one_point():
@@ -147,24 +148,24 @@ def test_the_hidden_term_keeps_its_digits_far_outside_the_layer(form):
 def test_the_elimination_solves_the_real_and_the_complex_systems(model):
     compiled = codegen.compile_stiff(model)
     n, rng = compiled.n, np.random.default_rng(5)
-    p, state, J = np.full(len(model.parameters), 0.2), rng.normal(size=n), np.zeros((n, n))
+    p, state, J = np.full(len(model.parameters), 0.2), rng.normal(size=n), np.zeros(len(compiled.pattern[0]))
     call(compiled, "jacobian", 0.4, state, p, J)
     mu = np.concatenate([rng.uniform(5, 9, 4), [0.0], rng.uniform(1, 9, 3)])
     right = rng.normal(size=(n, 8))
     right[:, 4] = 0.0
-    solved, lu = right.copy(), np.zeros((compiled.n_slots or n * n + n, 8))
+    solved, lu = right.copy(), np.zeros(compiled.eliminated)
     written_out = compiled.address[codegen.NAMES.index("factor")] != 0
     assert written_out == (n != 14)
     if written_out:
         call(compiled, "factor", J, mu, lu)
         call(compiled, "solve", lu, solved)
     else:
-        pointers = [v.ctypes.data for v in (J, mu, lu, solved)]
-        kinds = [ctypes.c_int64, *[ctypes.c_void_p] * 3]
-        ctypes.CFUNCTYPE(None, *kinds)(unit_address("dense_factor"))(n, *pointers[:3])
-        ctypes.CFUNCTYPE(None, *kinds[:3])(unit_address("dense_solve"))(n, *pointers[2:])
+        plan, *pointers = [v.ctypes.data for v in (compiled.elimination, J, mu, lu, solved)]
+        kinds = [ctypes.c_void_p] * 4
+        ctypes.CFUNCTYPE(None, *kinds)(unit_address("sparse_factor"))(plan, *pointers[:3])
+        ctypes.CFUNCTYPE(None, *kinds[:3])(unit_address("sparse_solve"))(plan, *pointers[2:])
     for lane in range(4):
-        matrix = (mu[lane] + 1j * mu[4 + lane]) * np.eye(n) - J
+        matrix = (mu[lane] + 1j * mu[4 + lane]) * np.eye(n) - compiled.matrix(J)
         expected = np.linalg.solve(matrix, right[:, lane] + 1j * right[:, 4 + lane])
         assert np.allclose(solved[:, lane] + 1j * solved[:, 4 + lane], expected, rtol=1e-10, atol=1e-12)
 

@@ -14,7 +14,7 @@ from . import checks
 from .family import Family, Member, MemberMemory, MemberSum, OfNeighbour, family_of, involved, members
 from .many import MANY, Names
 from .model import of_event
-from .primitives import Algebraic, Event, Reaction, Switch, Unilateral
+from .primitives import Algebraic, Component, Disc, Event, Reaction, Switch, Unilateral
 
 
 class Expansion:
@@ -38,7 +38,7 @@ class Expansion:
             return self._member(e, k)
         if isinstance(e, OfNeighbour):
             return self._of_neighbour(e, k)
-        if isinstance(e, (Switch, Reaction)):
+        if isinstance(e, (Switch, Reaction, Component)):
             return self._primitive(e, k)
         if not e.args:
             return e
@@ -114,16 +114,21 @@ class Expansion:
     def _primitive(self, s, k):
         if not involved(s):
             return s
-        if k is not None and self.has_no(s.gap if isinstance(s, Reaction) else s.surface, k):
+        disc = s.disc if isinstance(s, Component) else None
+        surfaces = disc.surfaces if disc else (s.gap if isinstance(s, Reaction) else s.surface,)
+        if k is not None and all(self.has_no(h, k) for h in surfaces):
             return sp.S.Zero
+        name = disc.name if disc else s.name
         if not members(s):  # only inside of sums
-            return self._rebuilt(s, s.name, None)
+            return self._rebuilt(s, name, None)
         if k is None:
             raise ValueError(f"{s} belongs to every element of a family; outside of its own rates take a sum.")
-        self._group(s.name, family_of(s).n)
-        return self._rebuilt(s, self.label(s.name, k), k)
+        self._group(name, family_of(s).n)
+        return self._rebuilt(s, self.label(name, k), k)
 
     def _rebuilt(self, s, name, k):
+        if isinstance(s, Component):
+            return Disc(name, [self.element(h, k) for h in s.disc.surfaces])[s.index]
         if isinstance(s, Switch):
             return Switch(name, self.element(s.surface, k))
         return Reaction(name, self.element(s.gap, k), self.element(s.restitution, k))

@@ -17,7 +17,7 @@ import numpy as np
 import sympy as sp
 
 from . import checks
-from .primitives import Memory, Reaction, Switch
+from .primitives import Component, Memory, Reaction, Switch
 
 
 @dataclass(frozen=True)
@@ -489,6 +489,8 @@ def members(e):
         return members(e.surface)
     if isinstance(e, Reaction):
         return members(e.gap) | members(e.restitution)
+    if isinstance(e, Component):
+        return set().union(*map(members, e.disc.surfaces))
     return set().union(*(members(a) for a in e.args)) if e.args else set()
 
 
@@ -498,6 +500,8 @@ def involved(e):
         if isinstance(s, (Member, MemberMemory, OfNeighbour)):
             return True
         if any(involved(getattr(s, a)) for a in ("surface", "gap", "restitution") if hasattr(s, a)):
+            return True
+        if isinstance(s, Component) and any(map(involved, s.disc.surfaces)):
             return True
     return False
 

@@ -21,7 +21,6 @@ import sympy as sp
 from sympy.core.relational import Relational
 
 from .discs import LiftedDisc
-from .family import Member
 from .model import Select, Whole, core
 from .pointwise import draw, fingerprint, value
 from .primitives import Component, Disc, Memory, Reaction, Switch
@@ -214,11 +213,6 @@ class Lifting:
             raise ValueError(
                 f"`surfaces` of Disc {disc.name!r} are {disc.surfaces}, in which the multiplier of a disc stands: give "
                 "velocities as expressions of time and states."
-            )
-        if any(isinstance(s, Member) for h in disc.surfaces for s in h.free_symbols):
-            raise ValueError(
-                f"`surfaces` of Disc {disc.name!r} are {disc.surfaces}, of the elements of a Family, which have no "
-                "discs: write the elements out, each with a Disc of its own."
             )
         keep, self._may_register = self._may_register, True
         surfaces = tuple(self._lift(h, {}) for h in disc.surfaces)

@@ -158,8 +158,25 @@ class Numbers(Mapping):
     def __getitem__(self, key: Any) -> float:
         return float(self.array[self.symbols.place(key)])
 
+    @property
+    def of_blocks(self) -> dict[str, Any]:
+        """Name of a block -> its value, or its array."""
+        blocks = self.symbols.blocks.items()
+        return {name: self.array[at] if n is None else self.array[at : at + n] for name, (at, n) in blocks}
+
     def changed(self, values: Mapping[Any, Any]) -> Numbers:
         """With some replaced."""
         return Numbers(
             self.symbols, self.symbols.numbers(values, "`parameters`", checks.parameter_value, self.array)
         )
+
+
+def carried(symbols: Any, old: Mapping[Any, float], more: Mapping[Any, float]) -> Mapping[Any, float]:
+    """Values of the parameters `symbols` of a view: those of the original, and `more`."""
+    if not isinstance(symbols, Symbols):
+        values = {**old, **more}
+        return {p: values[p] for p in symbols}
+    given = old.of_blocks if isinstance(old, Numbers) else {p.name: value for p, value in old.items()}
+    given = {name: value for name, value in given.items() if name in symbols.blocks or name in symbols}
+    given |= {p.name: value for p, value in more.items()}
+    return Numbers(symbols, symbols.numbers(given, "`parameters`", checks.parameter_value))

@@ -216,8 +216,11 @@ class Element:
                 yield from np.flatnonzero(~((found >= 0) & (found <= 1)))[:1].tolist()
 
 
-def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled):
-    """The `Element` of a system with families, or None where their elements have to be written out."""
+def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled, smooth=None, widths=()):
+    """The `Element` of a system with families, or None where their elements have to be written out.
+
+    `smooth` makes a field that of a smoothed view: field -> field, smoothing and sigmoid; `widths` are its parameters.
+    """
     whole = [*rates, *outputs.items()]
     pieces = [e for pair in whole for e in pair if isinstance(e, sp.Basic)]
     if not any(isinstance(e, MemberSum) or involved(e) for e in pieces):
@@ -227,14 +230,14 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled)
         plain = definition.read(rates, time, parameters, outputs, events, contacts, algebraic, sampled, one)
         if plain.controls:  # whose parameters no element has
             return None
-        template = _template(plain, one)
+        template = _template(*(smooth(plain.field) if smooth else (plain.field,)), one=one)
         families = Families(template, tuple(f.n for f in one.families), one.links())
         far = [families.sizes[p.family] <= abs(p.offset) < LINKED for p in one.places.values()]
         least = max(TEMPLATE_FROM, LEVELS_FROM) if template.levels else TEMPLATE_FROM
         if min(families.sizes) < least or any(far):
             return None
         model = family_model(families)
-        return Element(plain, model, _values(families, one, parameters or {}), one.groups)
+        return Element(plain, model, _values(families, one, {**(parameters or {}), **dict(widths)}), one.groups)
     except (ValueError, TypeError):
         # Definition errors too: the written-out system raises them again, in the user's names.
         return None
@@ -253,8 +256,9 @@ def _values(families, one, numbers):
     return {s: checks.parameter_value(s, values[s.name]) for s in symbols}
 
 
-def _template(plain, one):
-    field = plain.field
+def _template(field, smoothing=(), sigmoid="algebraic", *, one):
+    if field.discs:
+        raise NoTemplate("a disc")
     places = dict(one.places)
     for s in list(places):
         if isinstance(s, Memory):
@@ -286,7 +290,7 @@ def _template(plain, one):
     beside.take(field)
     field = beside.take_friction()
     neighbours |= beside.of(sp.Tuple(*field.rates))
-    watch = watched(field, neighbours)
+    watch = tuple(e for e in watched(field, neighbours) if not (smoothing and e.singular == "branch"))
     mirrors = beside.mirrors([h for _, h in field.switches])
     field = replace(
         field,
@@ -310,9 +314,17 @@ def _template(plain, one):
     for x, rate in (*zip(field.states, field.rates, strict=True), *field.algebraic):
         if family(rate) not in (None, family(x)):
             raise NoTemplate("members outside of their rates")
+    if any(h.free_symbols & {s for s, *_ in sums} for h, _ in smoothing):
+        raise NoTemplate("a layer around a surface that reads a sum")
     multipliers, more, field, levels = _multipliers(field, sums, places, beside)
-    model = lowering.lower(replace(field, switches=(), algebraic=(), contacts=()), watch=watch)
-    used = set().union(*(e.free_symbols for e in field.expressions()))
+    model = lowering.lower(
+        replace(field, switches=(), algebraic=(), contacts=()),
+        watch=watch,
+        smoothing=smoothing,
+        sigmoid=sigmoid,
+    )
+    beyond = [p.outside for p in places.values() if p.outside is not None]
+    used = set().union(*(e.free_symbols for e in (*field.expressions(), *beyond)))
     model = replace(
         model,
         multipliers=multipliers,
@@ -327,6 +339,7 @@ def _template(plain, one):
         tuple(family(e) for _, e in field.outputs),
         levels,
         mirrors,
+        tuple(family(h) for h, _ in smoothing),
     )
 
 

@@ -91,7 +91,9 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled,
         **dict.fromkeys(controls, "a control"),
     }
     own = {p: value for u in controls.values() for p, value in u.parameters.items()}
-    values = _parameters(own | families.parameters(parameters), names, symbols, taken | meanings)
+    values = _parameters(
+        own | families.parameters(parameters), names, symbols, taken | meanings, families.groups
+    )
 
     moving |= {time, *states, *unknowns, *map(plain, reactions), *pieces, *controls}
     stand_ins = {u: value for u, (value, *_) in (*pieces.items(), *controls.items())}
@@ -193,8 +195,10 @@ def _time(time, names, states):
     return time
 
 
-def _parameters(values_of, names, symbols, taken):
+def _parameters(values_of, names, symbols, taken, groups):
     """Parameter -> value, in the order given; every symbol without another meaning has one."""
+    there = {s.name for s in symbols}
+    some = {name for group in groups.values() if not there.isdisjoint(group) for name in group}
     open_symbols = [s for s in symbols if type(s) is sp.Symbol and s not in taken]
     values = {}
     for key, value in values_of.items():
@@ -202,6 +206,8 @@ def _parameters(values_of, names, symbols, taken):
         if p in taken or type(p) is not sp.Symbol:
             meaning = taken.get(p, f"a {type(p).__name__}")
             raise ValueError(f"`parameters` gives a value to {p.name!r}, which is {meaning}; leave it out.")
+        if p.name in some and p not in symbols:
+            continue  # of elements at an end, which lack what others have
         if p not in symbols:
             raise ValueError(
                 f"`parameters` names {p.name!r}, which stands nowhere in this system; leave it out. Its "

@@ -72,6 +72,7 @@ class Template:
     levels: tuple[Level, ...] = ()
     # Switches whose surfaces may be those of a neighbour as well: block, its place, and (block, place) of those there.
     mirrors: tuple[tuple[int, int, tuple[tuple[int, int], ...]], ...] = ()
+    layer_families: tuple[int | None, ...] = ()  # of a smoothed view, those of its `smoothing`
 
     @cached_property
     def linked(self) -> tuple[int, ...]:
@@ -106,12 +107,14 @@ class Template:
         return {s for s, place in self.places if place.base is None or place.base in parameters}
 
     def families(self, kind: str) -> tuple[int | None, ...]:
-        """The family of every block of "states", "parameters", "multipliers", "events" or "outputs"."""
+        """The family of every block of "states", "parameters", "multipliers", "events", "outputs" or "smoothing"."""
         return self._families[kind]
 
     @cached_property
     def _families(self) -> dict[str, tuple[int | None, ...]]:
-        families = {"events": self.event_families, "outputs": self.output_families}
+        families = {
+            "events": self.event_families, "outputs": self.output_families, "smoothing": self.layer_families
+        }  # fmt: skip
         for kind in ("states", "parameters", "multipliers"):
             blocks = getattr(self.model, kind)
             symbols = [b.symbol for b in blocks] if kind == "multipliers" else blocks
@@ -288,6 +291,10 @@ class Item:
                 written.append((starts[b] + at, self._families.expression(e, self._k)))
         return tuple(written)
 
+    def writes(self, states: Sequence[sp.Symbol]) -> list[tuple[int, sp.Expr, bool]]:
+        """As EventSpec.writes, of all states."""
+        return type(self._item).writes(self, states)
+
     def plain(self) -> Any:
         """The multiplier or event itself."""
         return type(self._item)(**{f.name: getattr(self, f.name) for f in fields(self._item)})
@@ -299,7 +306,7 @@ class Item:
 
 
 class Items(Sequence):
-    """The rates, multipliers, events or outputs of a model with families, in the order of its arrays."""
+    """The rates, multipliers, events, outputs or layers of a model with families, in the order of its arrays."""
 
     def __init__(self, families: Families, kind: str):
         self.families, self.kind = families, kind
@@ -320,6 +327,8 @@ class Items(Sequence):
             return self.families.expression(item, k)
         if self.kind == "outputs":
             return named(item[0], k), self.families.expression(item[1], k)
+        if self.kind == "smoothing":
+            return self.families.expression(item[0], k), item[1]
         return Item(self.families, item, k)
 
     def __eq__(self, other: object) -> bool:
@@ -340,7 +349,7 @@ class FamilyModel(Model):
     __hash__ = Model.__hash__  # the one that is kept: `dataclass` would write another one
 
     def __post_init__(self) -> None:
-        kinds = ("rhs", "multipliers", "events", "outputs")
+        kinds = ("rhs", "multipliers", "events", "outputs", "smoothing")
         if (
             all(isinstance(getattr(self, kind), Items) for kind in kinds)
             and len(self.parameters) == self.families.starts("parameters")[-1]
@@ -366,6 +375,8 @@ def family_model(families: Families) -> FamilyModel:
         multipliers=Items(families, "multipliers"),  # type: ignore[arg-type]
         events=Items(families, "events"),  # type: ignore[arg-type]
         outputs=Items(families, "outputs"),  # type: ignore[arg-type]
+        smoothing=Items(families, "smoothing"),  # type: ignore[arg-type]
+        sigmoid=model.sigmoid,
         n_memory=starts[-1] - starts[-1 - model.n_memory],
         families=families,
     )

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels.stiff.state import STRIDE, Core
+from ..kernels.state import MOST_AT_ONCE
+from ..kernels.stiff.state import Core
 
 _kept = threading.local()
 _MOST_KEPT = 2**23  # bytes
@@ -27,18 +28,30 @@ def _memory(size: int) -> np.ndarray:
     return block
 
 
-def _plan(n: int, q: int, e: int, capacity: int, room: int, hoisted: int, slots: int, dense: bool):
-    sizes = dict(n=n, q=q, e=e, capacity=capacity, room=room, hoisted=hoisted, stride=STRIDE, most=max(q, e),
-                 elimination=8 * (slots or n * n + n), kept=capacity if dense else 1)  # fmt: skip
-    return Core.planned(sizes, undefined=_OUTPUT)
+_MOST_OUTPUT = 2**24  # numbers that the points of one call of the loop take, and those that its events do
 
 
-def core(compiled: Any, room: int, capacity: int, dense: bool, **given: Any) -> Core:
-    """The Core with room for so many events and points; its arrays, but the `given` ones, live until the thread's next
-    run."""
+def core(compiled: Any, capacity: int, dense: bool, **given: Any) -> Core:
+    """The Core with room for `capacity` points, fewer of large models, and for events; its arrays, but the `given` ones,
+    live until the thread's next run."""
     n, q, e = compiled.n, compiled.n_surfaces, compiled.n_events
-    plan = _plan(n, q, e, capacity, room, compiled.n_hoisted, compiled.n_slots, dense)
+    capacity = min(capacity, max(64, _MOST_OUTPUT // max(1, n * (18 if dense else 1))))
+    # What happens at one instant has room in any case.
+    room = 2 * e + MOST_AT_ONCE + max(64, min(64 * e, _MOST_OUTPUT // max(1, 2 * n)))
+    sizes = dict(n=n, q=q, e=e, capacity=capacity, room=room, hoisted=compiled.n_hoisted, most=max(q, e),
+                 unknowns=compiled.unknowns, layers=3 * q + len(compiled.slopes[1]),
+                 entries=len(compiled.pattern[0]), rows_length=compiled.rows_length,
+                 eliminated=compiled.eliminated, kept=capacity if dense else 1)  # fmt: skip
+    own = dict(
+        J_row=compiled.pattern[0], J_column=compiled.pattern[1], slope_first=compiled.slopes[0],
+        slope_state=compiled.slopes[1], elimination=compiled.elimination, surface_state=compiled.surface_state,
+        surface_row=compiled.surface_row,
+    )  # fmt: skip
+    numbers = {
+        name: sizes[name] for name in ("n", "q", "e", "capacity", "room", "unknowns", "entries", "rows_length")
+    }
+    plan = Core.planned(sizes, undefined=_OUTPUT, given=tuple(own))
     return Core.in_one_block(
-        plan, _memory, n=n, q=q, e=e, capacity=capacity, room=room, evals=len(given["t_eval"]),
-        instants=len(given["instant_t"]), dense=dense, **given,
+        plan, _memory, **numbers, evals=len(given["t_eval"]), instants=len(given["instant_t"]), dense=dense,
+        **(own | given),
     )  # fmt: skip

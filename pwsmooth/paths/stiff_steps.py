@@ -27,6 +27,8 @@ METHODS = ("auto", "radau5", "radau9", "radau13", "taylor")
 SCIPY_METHODS = ("Radau", "BDF", "LSODA", "DOP853")
 # Looser tolerances were seen to step over layers in spite of the gate.
 LOOSEST_RTOL = 1e-3
+# Time of a Radau step over time of a Taylor step: straight code, and loops over the elements of a family.
+_BARGAIN, _OF_FAMILIES = 1.5, 0.6
 _CHUNK = 4096  # steps between two looks at the keyboard
 # Of the span, in stiff_loop.STALL attempts: at a slower pace the end is 10^10 attempts away.
 _LEAST_ADVANCE = 1e-6
@@ -159,8 +161,7 @@ def integrate(
     wanted = np.zeros(0) if t_eval is None else np.array(t_eval, float)
     taylor = has_taylor and method in ("auto", "taylor")
     run = core(
-        compiled, 64 + 64 * compiled.n_events, _CHUNK, dense,
-        adr=addresses, surface_state=compiled.surface_state, surface_row=compiled.surface_row, p=p,
+        compiled, _CHUNK, dense, adr=addresses, p=p,
         t_eval=wanted, x_eval=np.full((len(wanted), compiled.n), np.nan),
         instant_t=instants[0], instant_event=instants[1],
         order=order, taylor_order=K, may_taylor=taylor, may_radau=method != "taylor",
@@ -168,11 +169,12 @@ def integrate(
         # A tenth of the span: a seat belt, not what protects the layers.
         h_max=min(max_step, 0.1 * (t1 - t0)), mark=t0, least_advance=_LEAST_ADVANCE * (t1 - t0),
         kappa=min(0.03, 10.0 * math.sqrt(rtol_radau)),
+        bargain=_BARGAIN if model.families is None else _OF_FAMILIES,
         mode=S.TAYLOR if taylor else S.RADAU, first=2, steps_left=0 if spending.late() else spending.left,
     )  # fmt: skip
     run.atol[:] = np.multiply(atol, rtol_radau / rtol)
     run.x[:] = x0
-    run.power[:] = 1.0 / (1.0 + np.arange(compiled.n))
+    run.power[:] = 1.0 / (1.0 + np.arange(compiled.unknowns))
     if model.events:
         run.direction[:] = [event.direction for event in model.events]
         run.stops[:] = [event.terminal or bool(event.singular) for event in model.events]
@@ -271,7 +273,7 @@ def integrate_scipy(
     spending = spending or opened()
     n = compiled.n
     p, x = np.ascontiguousarray(p, float), np.zeros(n)
-    f, J = np.zeros(n), np.zeros((n, n))
+    f, entries = np.zeros(n), np.zeros(len(compiled.pattern[0]))
     signature = ctypes.CFUNCTYPE(None, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
     rates, jacobian = (
         signature(int(compiled.address[codegen.NAMES.index(name)])) for name in ("rates1", "jacobian")
@@ -301,7 +303,9 @@ def integrate_scipy(
             return super().step()
 
     solvers: list = []
-    implicit = {} if method == "DOP853" else {"jac": lambda t, y: call(jacobian, t, y, J)}
+    implicit = (
+        {} if method == "DOP853" else {"jac": lambda t, y: compiled.matrix(call(jacobian, t, y, entries))}
+    )
     run = scipy.integrate.solve_ivp(
         lambda t, y: call(rates, t, y, f), t_span, x0, method=Bounded, rtol=rtol, atol=atol, max_step=max_step,
         t_eval=t_eval, dense_output=dense, **implicit,

@@ -28,6 +28,7 @@ NAMES = (
     "assemblies",
     "links",
     "loops",
+    "layers",
 )
 OF_DERIVATIVES = ("slopes", "differences", "gradients")
 SLOW = 5.0  # seconds of a case that are reported

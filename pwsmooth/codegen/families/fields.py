@@ -19,12 +19,15 @@ from .sections import ElementCode, Root, Sections
 class FamilyFields:
     """Writes `fields`, `linear` and `act` of one template."""
 
+    graph_of: type[Graph] = Graph
+    acting = "i, t, x, mult, p, xnew"  # arguments of `act`
+
     def __init__(self, model: Model, patch: bool = False):
-        self.graph = graph = Graph(model)
+        self.graph = graph = self.graph_of(model)
         self.template = graph.template
         self.model, self.layout = graph.model, Layout(graph.template, patch)
         self.h = surfaces(graph)
-        self.rates = [graph.expression(e) for e in self.model.rhs]
+        self.rates = graph.expressions(self.model.rhs)
         # What is never solved for needs no residual.
         self.residuals = [
             graph.expression(m.residual) if m.may_be_solved else graph.zero for m in self.model.multipliers
@@ -156,4 +159,4 @@ class FamilyFields:
             body.indent = 1
             source.helpers |= code.helpers
         body.line("return 1")
-        source.function("act", "i, t, x, mult, p, xnew", body, returns="I")
+        source.function("act", self.acting, body, returns="I")

@@ -30,22 +30,22 @@ from .sections import Root, Sections
 class FamilyJet(ElementMemory):
     """Writes `jet_slip` of one template; constants of its text say where the rows are.
 
-    `_solve`, `_frozen` and the like are for the general program (sliding.py).
+    `_solve`, `_frozen` and the like are for the general program (sliding.py), `_surfaces` for layers (stiff.py).
     """
 
     name, arguments = "jet_slip", "t, x, mult, p, K, stride, rows, scratch"
+    graph_of: type[Graph] = Graph
+    zeroth: type[FamilyOrderZero] = FamilyOrderZero
 
     def __init__(self, model: Model, patch: bool = False):
-        self.graph = graph = Graph(model)
+        self.graph = graph = self.graph_of(model)
         self.model, self.layout = graph.model, Layout(graph.template, patch)
         self.states = [graph.var("x", i) for i in range(len(self.model.states))]
-        rates = [graph.expression(e) for e in self.model.rhs]
-        h = surfaces(graph)
+        rates = graph.expressions(self.model.rhs)
+        h, self.has_surface = self._surfaces()
         nodes = rewrite(graph, rates + h + self._residuals())
         self.rates, self.h = nodes[: len(rates)], nodes[len(rates) : len(rates) + len(h)]
         self.residuals = nodes[len(rates) + len(h) :]
-        holders = (*self.model.multipliers, *self.model.events)
-        self.has_surface = [s.surface is not None for s in holders]
         # A neighbour's slope would be a slope of the neighbour's rate: its series is general.
         read = {
             graph.nodes[a].data
@@ -59,7 +59,15 @@ class FamilyJet(ElementMemory):
         self.slots: dict[tuple[int, str], int] = {}
         self.closed: set[int] = set()
 
-    # ---- what the general program does otherwise
+    # ---- what other programs do otherwise
+
+    def _surfaces(self) -> tuple[list[int], list[bool]]:
+        """Nodes of the surfaces whose rows are wanted, and which of them there are."""
+        holders = (*self.model.multipliers, *self.model.events)
+        return surfaces(self.graph), [s.surface is not None for s in holders]
+
+    def _open_body(self, body: Writer) -> None:
+        """Lines before all others."""
 
     def _residuals(self) -> list[int]:
         return []
@@ -94,7 +102,7 @@ class FamilyJet(ElementMemory):
 
     def write(self) -> str:
         graph, lay = self.graph, self.layout
-        self.zero_code = FamilyOrderZero(graph, Writer(1), self.degrees, set(), lay)
+        self.zero_code = self.zeroth(graph, Writer(1), self.degrees, set(), lay)
         first = self._orders(Writer(2), None)
         families = [self.code.family(u) for u in first.rows]
         self.row_families, self.row_starts = families, starts(families)
@@ -106,6 +114,7 @@ class FamilyJet(ElementMemory):
         start = self._start(order_k)
         body = Writer(1)
         body.lines += ["    " + line for line in lay.sizes()]
+        self._open_body(body)
         self._bounds(body, order_k)
         body.lines += self._declared(start.lines, loop.lines)
         body.lines += start.lines
@@ -296,7 +305,7 @@ class FamilyJet(ElementMemory):
         """Values at the start of the step, into rows and slots."""
         graph, lay = self.graph, self.layout
         start = Writer(1)
-        code = self.zero_code = FamilyOrderZero(graph, start, self.degrees, order_k.reciprocals, lay)
+        code = self.zero_code = self.zeroth(graph, start, self.degrees, order_k.reciprocals, lay)
         true = [*self.rates, *(h for h, has in zip(self.h, self.has_surface, strict=True) if has)]
         true += [*self.residuals, *self._multiplier_rows()]
         everything = self.covered([*self.states, *true])

@@ -61,6 +61,10 @@ class Placed:
         """Text of a summand."""
         return self.name(node)  # type: ignore[attr-defined]
 
+    def nothing(self, node: int) -> str:
+        """Text of a sum before anything is added to it."""
+        return "0.0"
+
 
 class ElementCode(Placed, ScalarCode):
     """ScalarCode of a model with families."""
@@ -124,7 +128,7 @@ class Sections:
             ready = [r for r in waiting if r.family == family and max(map(self.stage, r.nodes)) < stage]
             waiting = [r for r in waiting if r not in ready]
             for node in totals:
-                self.writer.line(f"{self.code.total(node)} = 0.0")
+                self.writer.line(f"{self.code.total(node)} = {self.code.nothing(node)}")
             self._loop(family, [graph.nodes[node].args[0] for node in totals], ready, totals)
             self.code.scopes[-1].update(totals)
         return waiting

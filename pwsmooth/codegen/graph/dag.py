@@ -84,11 +84,15 @@ class Graph(Nodes):
             found = self._memo[expr] = self._convert(expr)
         return found
 
+    def expressions(self, expressions) -> list[int]:
+        """Nodes of expressions."""
+        return [self.expression(e) for e in expressions]
+
     def _member(self, e: sp.Symbol) -> int:
         """The node of a sum, of the number of an element or of a neighbour."""
         if e in self._sums:
             family, inner = self._sums[e]
-            return self.make("total", (self.expression(inner),), family)
+            return self.make("total", tuple(self.expressions([inner])), family)
         place = self._place[e]
         if place.base is None and place.offset:
             return self.ite(self.make("inside", (), (place.family, place.offset)), self.zero, self.one)

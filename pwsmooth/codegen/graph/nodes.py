@@ -40,6 +40,8 @@ class Nodes:
     total (family) sums its argument over the elements, and inside (family, offset) asks whether there is a neighbour.
     """
 
+    sums_apart = False  # a sum over elements is a variable of its own to derivatives
+
     def __init__(self, first_memory: int, families: dict[str, tuple[int | None, ...]]):
         self.first_memory, self.families = first_memory, families
         self.nodes: list[Node] = []

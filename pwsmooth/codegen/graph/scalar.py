@@ -148,11 +148,15 @@ class ScalarCode:
                 self.scopes.append(set())
             self.emit(results)
             for node, result in zip(group, results, strict=True):
-                self.writer.line(f"{self.name(node)} = {self.name(result)}")
+                self.writer.line(f"{self.name(node)} = {self.chosen(node, result)}")
             if len(branches) > 1:
                 self.scopes.pop()
                 self.writer.indent -= 1
         self.scopes[-1].update(group)
+
+    def chosen(self, node: int, result: int) -> str:
+        """Text of what a branch makes of a selection."""
+        return self.name(result)
 
     def _unlike_branches(self, key, group: list[int]) -> list[tuple[str, list[int]]]:
         """The branches with their results for a group, neighbours with the same results as one."""

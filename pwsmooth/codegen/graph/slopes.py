@@ -16,6 +16,8 @@ def derivative(graph: Nodes, node: int, variable: int) -> int:
         return graph.one
     if not graph.nodes[node].args:
         return graph.zero
+    if graph.nodes[node].op == "total" and graph.sums_apart:
+        return graph.zero
     if graph.nodes[node].op == "total":
         # By a number of element i: of the summand of that element alone.
         slope = derivative(graph, graph.nodes[node].args[0], variable)

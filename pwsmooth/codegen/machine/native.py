@@ -267,21 +267,26 @@ class Module:
         self.translated = translated
         self.module = ir.Module("pwsmooth")
         self.module.triple = binding.get_default_triple()
+        definitions = self.read(text)
+        self.flags = self.constants.get("FLAGS", ())
+        self.functions: dict[str, ir.Function] = {}
+        self.define(definitions)
+
+    def read(self, text: str) -> list[ast.FunctionDef]:
+        """Function definitions of a text; its constants, and the numbers of elements that it reads, are noted."""
         self.constants, definitions = {}, []
         for node in ast.parse(text).body:
             if isinstance(node, ast.Assign):
                 self.constants[node.targets[0].id] = ast.literal_eval(node.value)
             elif isinstance(node, ast.FunctionDef):
                 definitions.append(node)
-        self.flags = self.constants.get("FLAGS", ())
         # The numbers of elements n0, n1, ... of families: written into the loaded code, so that one text serves all.
         self.sizes = {
             f"n{f}": ir.GlobalVariable(self.module, INT, f"n{f}") for f in range(self.constants.get("SIZES", 0))
         }
         for variable in self.sizes.values():
             variable.initializer = INT(0)
-        self.functions: dict[str, ir.Function] = {}
-        self.define(definitions)
+        return definitions
 
     def define(self, definitions: list[Any], internal: Collection[str] = INTERNAL) -> None:
         """Functions that may call each other."""

@@ -53,8 +53,8 @@ STIFF_UNITS = {
     "attempt_unit": ("stiff.radau", "attempt_unit"),
     "taylor_unit": ("stiff.step", "taylor_unit"),
     "events_unit": ("stiff.events", "events_unit"),
-    "dense_factor": ("stiff.dense", "dense_factor"),
-    "dense_solve": ("stiff.dense", "dense_solve"),
+    "sparse_factor": ("stiff.sparse", "sparse_factor"),
+    "sparse_solve": ("stiff.sparse", "sparse_solve"),
 }
 ALL = UNITS | METHODS | MORE_UNITS | STIFF_UNITS
 _kept: list = []  # engines, whose addresses are in use

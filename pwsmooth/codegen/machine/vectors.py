@@ -236,12 +236,13 @@ class Module(native.Module):
     def __init__(self, text: str):
         self.module = ir.Module("pwsmooth")
         self.module.triple = llvm.get_default_triple()
-        self.flags, self.sizes = ("contract", "nsz"), {}
+        self.flags = ("contract", "nsz")
         self.functions: dict[str, ir.Function] = {}
         prelude = ast.parse(PRELUDE).body
-        definitions = [node for node in [*prelude, *ast.parse(text).body] if isinstance(node, ast.FunctionDef)]
         self.translated = Function
-        self.define(definitions, {node.name for node in prelude if isinstance(node, ast.FunctionDef)})
+        written = self.read(text)
+        definitions = [*(node for node in prelude if isinstance(node, ast.FunctionDef)), *written]
+        self.define(definitions, {*native.INTERNAL, *(node.name for node in definitions[: -len(written)])})
 
     def instruction(self, name: str, kind: ir.VectorType, count: int) -> ir.Function:
         """LLVM's vector form of an operation; it has no helper for the name of a vector type."""
@@ -256,6 +257,6 @@ def build(text: str) -> bytes:
     return objects.emit(Module(text).module)
 
 
-def load(text: str, tables: tuple[Table, ...] = ()) -> objects.Code:
+def load(text: str, sizes: tuple[int, ...] = (), tables: tuple[Table, ...] = ()) -> objects.Code:
     """Machine code of a generated source with vectors, from the cache where this machine made it before."""
-    return objects.load(text, build, tables=tables)
+    return objects.load(text, build, sizes, tables)

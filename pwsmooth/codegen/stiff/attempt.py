@@ -30,12 +30,14 @@ def possible(code: StiffCode, rates, surfaces, elimination: Elimination, n: int)
 
 
 class Attempt:
-    """Text of one order; `surface_state[j]` is the state that surface j is, or -1."""
+    """Text of one order, of the `parts` that functions.py gives every text of a model."""
 
-    def __init__(self, code: StiffCode, m, rates, jacobian, pattern, surfaces, surface_state, elimination, n):
-        self.code, self.m, self.stages, self.n = code, m, 3 + 2 * m, n
-        self.rates, self.jacobian, self.pattern = rates, jacobian, sorted(pattern)
-        self.surfaces, self.surface_state, self.elimination = surfaces, surface_state, elimination
+    def __init__(self, parts, m, n):
+        code = self.code = parts.code
+        self.m, self.stages, self.n = m, 3 + 2 * m, n
+        self.rates, self.jacobian, self.pattern = parts.rates, parts.jacobian, sorted(parts.pattern)
+        self.surfaces, self.surface_state, self.slopes = parts.surfaces, parts.surface_state, parts.slopes
+        self.elimination = parts.elimination
         self.lines, self._add = code.writer.lines, code.write
 
     def write(self) -> None:
@@ -100,7 +102,7 @@ class Attempt:
         code.point(self.jacobian, [f"j{i}_{j}" for i, j in self.pattern], time="middle", states="y%d",
                 known=constants)  # fmt: skip
         code.prefix = "n"
-        self._add(*(f"J[{i * self.n + j}] = j{i}_{j}" for i, j in self.pattern))
+        self._add(*(f"J[{k}] = j{i}_{j}" for k, (i, j) in enumerate(self.pattern)))
         self._add(f"mr = {_constant(T.MU[m, :4])} * inverse", f"mi = {_constant(T.MU[m, 4:])} * inverse")
         lines, self.entries = elimination_lines(self.n, set(self.pattern), self.elimination)
         self.lines += lines
@@ -177,12 +179,12 @@ class Attempt:
 
     def _size(self, indent: str) -> None:
         """Largest error in units of its tolerance, rule R1 included; nan if any is."""
-        width = self.n + 3
-        lines = ["size = 0.0"]
+        lines, first = ["size = 0.0"], 3 * len(self.surfaces)
         sizes = [f"abs(g{i}) * weight[{i}]" for i in range(self.n)]
         for j, state in enumerate(self.surface_state):
-            layer = f"(rtol * (surf[{j * width + 2}] + abs(surf[{j * width}])))"
-            along = " + ".join(f"surf[{j * width + 3 + i}] * g{i}" for i in range(self.n))
+            layer = f"(rtol * (surf[{3 * j + 2}] + abs(surf[{3 * j}])))"
+            along = " + ".join(f"surf[{first + k}] * g{i}" for k, i in enumerate(self.slopes[j])) or "0.0"
+            first += len(self.slopes[j])
             sizes.append(f"abs({f'g{state}' if state >= 0 else along}) / {layer}")
         for text in sizes:
             lines += [f"part = {text}", "if not part <= size:", "    size = part"]
@@ -190,7 +192,7 @@ class Attempt:
 
     def _gate(self) -> None:
         """Rule R3 at every stage."""
-        code, width = self.code, self.n + 3
+        code = self.code
         self._add("gate = 0.0")
         self._each("X@ = Z@ + x@")
         code.prefix = "h_"
@@ -204,11 +206,11 @@ class Attempt:
                 code.vector_operations([root], self.of_time, "times", "X%d")
             value = code.vector(root) if state < 0 else f"X{state}"
             self._add(
-                f"distance = surf[{j * width}]",
+                f"distance = surf[{3 * j}]",
                 "side = 1.0 if distance > 0.0 else -1.0",
                 # Lanes without a stage stand at the start of the step.
                 f"far = largest8((distance - {value}) * side)",
-                f"allowed = {THETA!r} * (abs(distance) + {REACH!r} * surf[{j * width + 2}])",
+                f"allowed = {THETA!r} * (abs(distance) + {REACH!r} * surf[{3 * j + 2}])",
                 "if far > allowed:",
                 "    part = min(0.7, max(0.2, 0.9 * allowed / far))",
                 "    if gate == 0.0 or part < gate:",

@@ -3,15 +3,16 @@
     rates1(t, x, p, f)       the right-hand side at one point
     hoist(t8, p, c)          everything that depends on time alone, at the 8 stage times
     rates8(t8, c, x, p, f)   the right-hand side at 8 stages, x[8 i + k]
-    jacobian(t, x, p, J)     the entries of df/dx that are not identically zero
+    jacobian(t, x, p, J)     the entries of df/dx that are not identically zero, by rows
     factor(J, m, lu), solve(lu, r)    sparse elimination of (mu/h) I - J in four lanes
-    surfaces(t, x, p, s)     of every layer h, dh/dt, eps, then the gradient of h
+    surfaces(t, x, p, s)     of every layer h, dh/dt at fixed x, eps; then the gradients of h, what is not zero of them
     surfaces8(t8, x, p, s)   h at 8 points
     taylor(t, x, p, K, stride, rows)  Taylor coefficients of the states and of the surfaces that are no states
     watch8(t8, x, p, e)      surfaces of the events at 8 points
     act(i, t, x, p, xnew)    event i: 0 if its `when` fails, else writes its updates into xnew
     radau(...)               a whole attempt at a Radau step of one order, where n is small (attempt.py)
 
+Of a family all but `hoist`, `factor`, `solve` and `radau` are loops over its elements (codegen/families/stiff.py).
 Chain: Model (with `smoothing`, without multipliers) -> text -> machine/vectors.py -> addresses.
 """
 
@@ -24,11 +25,12 @@ import numpy as np
 import sympy as sp
 
 from ...definition.model import Model, tables_of
+from ...kernels.stiff.state import STRIDE
 from ..graph.scalar import write_update
 from ..machine import cache
 from .attempt import Attempt, possible
 from .graph import GradedGraph
-from .linear import Elimination, factor_lines, solve_lines
+from .linear import Elimination, factor_lines, length, plan, solve_lines
 from .taylor import taylor_lines
 from .text import StiffCode
 
@@ -48,12 +50,25 @@ class CompiledStiff:
     n_surfaces: int
     n_events: int
     n_hoisted: int
-    n_slots: int
+    rows_length: int  # numbers that `taylor` writes
+    unknowns: int  # of implicit steps: the states, then sums over elements
+    pattern: tuple[np.ndarray, np.ndarray]  # row and column of every entry of `jacobian`, those of sums first
+    slopes: tuple[np.ndarray, np.ndarray]  # where each surface's gradient begins, and the states of its entries
     surface_state: np.ndarray  # state index of each surface that is one, else -1
     surface_row: np.ndarray  # its row in `taylor`
+    elimination: np.ndarray  # the plan of it; empty where `factor` and `solve` are written out
+    eliminated: int  # numbers that an elimination keeps
     written_out: bool  # whether attempts are written out
     smooth: bool  # whether the right-hand side has no kinks and jumps
     codes: dict = field(repr=False, default_factory=dict)  # machine code; it must outlive the addresses
+
+    def matrix(self, entries: np.ndarray) -> np.ndarray:
+        """df/dx, shape (n, n), of the entries that `jacobian` gives."""
+        n, size = self.n, self.unknowns
+        whole = np.zeros((size, size))
+        np.add.at(whole, self.pattern, entries)
+        own, through, along, sums = whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:]
+        return own + through @ np.linalg.solve(np.eye(size - n) - sums, along) if size > n else own
 
     def radau(self, order: int) -> int:
         """Address of the attempt at a step of order 5, 9 or 13 (`order` 0, 1, 2), compiled when first asked for."""
@@ -91,24 +106,45 @@ def compile_stiff(model: Model) -> CompiledStiff:
             f"The smoothed path integrates models without multipliers; this one still has {names}. "
             "Contacts and algebraic unknowns run on the event-driven path."
         )
-    texts = cache.cached_texts(f"stiff{cache.fingerprint(model)}", lambda: {"stiff": stiff_text(model)})
-    return _load(model, _machine_code(texts["stiff"], model))
+    if model.families is not None:
+        from ..families.stiff import load
+
+        address, codes, numbers = load(model)
+    else:
+        texts = cache.cached_texts(f"stiff{cache.fingerprint(model)}", lambda: {"stiff": stiff_text(model)})
+        code = _machine_code(texts["stiff"], model)
+        address, codes, numbers = code.address, {"functions": code}, _numbers(model, code.constants)
+    n, size, slots = len(model.states), numbers["unknowns"], numbers.pop("slots")
+    eliminates = np.zeros(0, np.int64) if slots or not n else plan(n, size, *numbers["pattern"])
+    return CompiledStiff(
+        model, np.array([address(name) for name in NAMES], dtype=np.int64), n, len(model.smoothing),
+        len(model.events), **numbers, elimination=eliminates,
+        eliminated=8 * slots if slots or not n else length(eliminates), codes=codes,
+    )  # fmt: skip
 
 
 def _machine_code(text, model):
     from pwsmooth.codegen.machine import vectors
 
-    return vectors.load(text, tuple(tables_of(model)))
+    return vectors.load(text, tables=tuple(tables_of(model)))
 
 
-def _load(model: Model, code) -> CompiledStiff:
-    sizes = code.constants
-    return CompiledStiff(
-        model, np.array([code.address(name) for name in NAMES], dtype=np.int64), len(model.states),
-        len(model.smoothing), len(model.events), sizes["N_HOISTED"], sizes["N_SLOTS"],
-        np.array(sizes["SURFACE_STATE"], dtype=np.int64), np.array(sizes["SURFACE_ROW"], dtype=np.int64),
-        bool(sizes["WRITTEN_OUT"]), bool(sizes["SMOOTH"]), {"functions": code},
-    )  # fmt: skip
+def _numbers(model: Model, constants) -> dict:
+    """What CompiledStiff holds of a model, from the constants of its text."""
+    n, states = len(model.states), constants["SLOPES"]
+    pattern = np.array(constants["PATTERN"], np.int64).reshape(-1, 2).T
+    return {
+        "n_hoisted": constants["N_HOISTED"],
+        "rows_length": STRIDE * (n + len(model.smoothing)),
+        "unknowns": n,
+        "pattern": tuple(np.ascontiguousarray(pattern)),
+        "slopes": (np.cumsum([0, *map(len, states)]), np.array([i for row in states for i in row], np.int64)),
+        "surface_state": np.array(constants["SURFACE_STATE"], np.int64),
+        "surface_row": np.array(constants["SURFACE_ROW"], np.int64),
+        "slots": constants["N_SLOTS"],
+        "written_out": bool(constants["WRITTEN_OUT"]),
+        "smooth": bool(constants["SMOOTH"]),
+    }
 
 
 class _Parts:
@@ -124,6 +160,9 @@ class _Parts:
         self.pattern = {(i, j) for i in range(n) for j in range(n) if derivative[i][j] != 0}
         self.jacobian = graph.expressions([derivative[i][j] for i, j in sorted(self.pattern)])
         self.surfaces = graph.expressions(surfaces)
+        gradients = [{i: g for i, s in enumerate(states) if (g := sp.diff(h, s)) != 0} for h in surfaces]
+        self.slopes = [tuple(gradient) for gradient in gradients]  # states that each surface has a slope along
+        self.gradients = [g for gradient in gradients for g in gradient.values()]
         self.elimination = Elimination(n, self.pattern)
         self.code = StiffCode(graph)
         self.written_out = possible(self.code, self.rates, self.surfaces, self.elimination, n)
@@ -137,10 +176,7 @@ class _Parts:
 def attempt_text(model: Model, order: int) -> str:
     """Source text of the attempt at a Radau step."""
     parts = _Parts(model)
-    Attempt(
-        parts.code, order, parts.rates, parts.jacobian, parts.pattern, parts.surfaces, parts.surface_state,
-        parts.elimination, len(model.states),
-    ).write()  # fmt: skip
+    Attempt(parts, order, len(model.states)).write()
     return parts.text()
 
 
@@ -157,7 +193,7 @@ def stiff_text(model: Model) -> str:
     code.lanes(rates, range(n), "f", hoisted=hoisted)
 
     code.function("jacobian", "t: D, x: P, p: P, J: P")
-    code.point(parts.jacobian, [f"J[{i * n + j}]" for i, j in sorted(parts.pattern)])
+    code.point(parts.jacobian, [f"J[{k}]" for k in range(len(parts.pattern))])
 
     if elimination.worthwhile:
         code.function("factor", "J: P, m: P, lu: P")
@@ -165,7 +201,7 @@ def stiff_text(model: Model) -> str:
         code.function("solve", "lu: P, r: P")
         code.writer.lines += solve_lines(n, elimination)
 
-    surface_row = _surfaces(code, model, parts.surfaces, parts.surface_state)
+    surface_row = _surfaces(code, model, parts)
     extra = [a for a, row in zip(parts.surfaces, surface_row, strict=True) if row >= n]
     if lines := taylor_lines(code, rates, extra):
         code.function("taylor", "t: D, x: P, p: P, K: I, stride: I, rows: P")
@@ -174,6 +210,8 @@ def stiff_text(model: Model) -> str:
     return parts.text(
         N_HOISTED=len(hoisted),
         N_SLOTS=len(elimination.slots) if elimination.worthwhile else 0,
+        PATTERN=sorted(parts.pattern),
+        SLOPES=parts.slopes,
         SURFACE_STATE=parts.surface_state,
         SURFACE_ROW=surface_row,
         WRITTEN_OUT=int(parts.written_out),
@@ -195,23 +233,19 @@ def _hoist(code: StiffCode, rates) -> dict[int, int]:
     return hoisted
 
 
-def _surfaces(code: StiffCode, model: Model, h, surface_state) -> list[int]:
+def _surfaces(code: StiffCode, model: Model, parts: _Parts) -> list[int]:
     """Write `surfaces` and `surfaces8`; returns the Taylor row of every surface."""
-    n, width = len(model.states), len(model.states) + 3
-    roots, targets = [], []
-    for j, (expression, eps) in enumerate(model.smoothing):
-        gradient = [sp.diff(expression, s) for s in (model.time, *model.states)]
-        roots += code.graph.expressions([expression, gradient[0], eps, *gradient[1:]])
-        targets += [f"s[{j * width + i}]" for i in range(width)]
-    row, surface_row = n, []
-    for state in surface_state:
+    values = [e for h, eps in model.smoothing for e in (h, sp.diff(h, model.time), eps)]
+    row, surface_row = len(model.states), []
+    for state in parts.surface_state:
         surface_row.append(state if state >= 0 else row)
         row += state < 0
-    if roots:
+    if values:
+        roots = code.graph.expressions([*values, *parts.gradients])
         code.function("surfaces", "t: D, x: P, p: P, s: P")
-        code.point(roots, targets)
+        code.point(roots, [f"s[{k}]" for k in range(len(roots))])
         code.function("surfaces8", "t: P, x: P, p: P, s: P")
-        code.lanes(h, range(len(h)), "s")
+        code.lanes(parts.surfaces, range(len(parts.surfaces)), "s")
     return surface_row
 
 

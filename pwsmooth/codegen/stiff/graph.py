@@ -22,9 +22,11 @@ _KINKED = {"fabs", "sign", "heaviside", "floor", "ceil", "max", "min", "mod"}
 class GradedGraph(Graph):
     """The nodes of a model without multipliers; pow nodes with exponent -1/2 are reciprocal roots."""
 
+    sums_apart = True  # unknowns of implicit steps, so that their Jacobian stays sparse
+
     def __init__(self, model: Model):
-        super().__init__(model, by_element=False)
-        self.first_memory = len(model.states)  # memories stand in the lanes as states do
+        super().__init__(model)
+        self.first_memory = len(self.model.states)  # memories stand in the lanes as states do
         self._under_roots: set[sp.Expr] = set()
 
     def grade(self, node: int) -> int:
@@ -33,17 +35,18 @@ class GradedGraph(Graph):
 
     def expressions(self, expressions) -> list[int]:
         """Nodes of sympy expressions; powers -1/2, -3/2, ... of one base share one reciprocal root."""
-        states = frozenset(self.model.states)
+        states = frozenset(self.model.states) | self._sums.keys()
+        states |= self.template.beside if self.template else frozenset()
         expressions = [_without_cancellation(sp.sympify(e, strict=True), states) for e in expressions]
         for e in expressions:
             for p in e.atoms(sp.Pow):
                 if p.exp.is_Rational and p.exp.q == 2 and p.exp < 0:
                     self._under_roots.add(p.base)
-        return [self.expression(e) for e in expressions]
+        return super().expressions(expressions)
 
     def smooth(self, roots) -> bool:
         """Whether nothing of the state or of time has a kink or a jump."""
-        moving = (self.nodes[a] for a in self.reach(roots) if self.grade(a) > 0)
+        moving = (self.nodes[a] for a in self.reach(roots, through=True) if self.grade(a) > 0)
         return not any(op == "ite" or data in _KINKED for op, _, data in moving)
 
     # ---- sums and products, split by grade ----

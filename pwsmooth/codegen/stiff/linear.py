@@ -1,4 +1,4 @@
-"""Sparse elimination of (mu_e/h) I - J, written out for one pattern of J, four eigenvalues at once.
+"""Sparse elimination of (mu_e/h) I - J, written out for one pattern of J, four eigenvalues at once; plans of large ones.
 
 Lane e of every array holds the system of eigenvalue mu_e: lane 0 is the real one, the others are complex. The
 order of elimination is fixed at generation (least fill, pivots on the diagonal): mu/h dominates there, and a
@@ -7,7 +7,9 @@ bad pivot costs only a slower Newton iteration, which the step control answers.
 
 from __future__ import annotations
 
-# Beyond this many multiplications a dense factorisation in a loop serves better than unrolled text.
+import numpy as np
+
+# Beyond this many multiplications a loop over a plan serves better than unrolled text.
 MOST_PRODUCTS = 700
 
 
@@ -92,8 +94,8 @@ def elimination_lines(n: int, pattern: set, elimination: Elimination) -> tuple[l
 
 
 def factor_lines(n: int, pattern: set, elimination: Elimination) -> list[str]:
-    """Body of factor(J, m, lu): J is n*n row-major, m the eigenvalues over h, lu is overwritten."""
-    lines = [f"    j{i}_{j} = J[{i * n + j}]" for i, j in sorted(pattern)]
+    """Body of factor(J, m, lu): J has the entries of the pattern by rows, m the eigenvalues over h, lu is overwritten."""
+    lines = [f"    j{i}_{j} = J[{k}]" for k, (i, j) in enumerate(sorted(pattern))]
     lines += ["    mr = load4(m, 0)", "    mi = load4(m, 4)"]
     body, entry = elimination_lines(n, pattern, elimination)
     lines += body
@@ -148,3 +150,50 @@ def solve_lines(n: int, elimination: Elimination) -> list[str]:
     for i in range(n):
         lines += [f"    store4(r, {8 * i}, r{i})", f"    store4(r, {8 * i + 4}, q{i})"]
     return lines
+
+
+# ---- what is too large to be written out
+
+
+def _order(size: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Unknowns in an order of elimination that fills little: minimum degree, as SuperLU finds it."""
+    from scipy import sparse
+    from scipy.sparse.linalg import splu
+
+    pattern = sparse.coo_matrix((np.ones(len(rows)), (rows, columns)), (size, size)).tocsc()
+    pattern.data[:] = -1.0
+    dominant = sparse.diags(2.0 + np.asarray(abs(pattern).sum(axis=0)).ravel())
+    found = splu((dominant + pattern).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0)
+    return np.argsort(found.perm_c)
+
+
+def plan(n: int, size: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """How kernels/stiff/sparse.py eliminates `size` unknowns, n of which are states, from entries of J at these places."""
+    order = _order(size, rows, columns)
+    place = np.empty(size, np.int64)
+    place[order] = np.arange(size)
+    r, c = place[rows], place[columns]
+    # Of L + U, made symmetric: what stands right of a pivot is handed to the first row in it.
+    upper: list[set[int]] = [set() for _ in range(size)]
+    for i, j in {(int(min(pair)), int(max(pair))) for pair in zip(r, c)}:
+        upper[i].add(j)
+    lower: list[list[int]] = [[] for _ in range(size)]
+    for k, right in enumerate(upper):
+        right.discard(k)
+        if right:
+            first = min(right)
+            upper[first] |= right
+        for i in right:
+            lower[i].append(k)
+    by_row = np.argsort(r, kind="stable")
+    starts = [np.cumsum([0, *map(len, part)]) for part in (lower, upper)]
+    entry = np.searchsorted(r[by_row], np.arange(size + 1))
+    flat = [np.array([k for row in part for k in sorted(row)], np.int64) for part in (lower, upper)]
+    return np.concatenate([[size, n], order, entry, *starts, by_row, c[by_row], *flat]).astype(np.int64)
+
+
+def length(plan: np.ndarray) -> int:
+    """Numbers that the elimination of a plan keeps."""
+    size = int(plan[0])
+    lower, upper = 3 + 3 * size, 4 + 4 * size  # where the last of their starts stand
+    return 8 * (2 * size + int(plan[lower]) + int(plan[upper]))

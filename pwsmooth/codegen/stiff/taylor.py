@@ -6,6 +6,8 @@ or looped over: this, and not the method, is what beats a general Taylor code.
 
 from __future__ import annotations
 
+import functools
+
 from ..graph.scalar import Writer
 from ..graph.slopes import function_slope
 from ..taylor.recurrences import AFFINE, CONSTANT, Degrees, NoRecurrence, OrderK, OrderZero, plain, rewrite
@@ -15,14 +17,24 @@ LOW, HIGH = 12, 16  # the orders that the step loop asks for
 MOST_PRODUCTS = 4000
 
 
-class _Values(OrderZero):
-    """Order 0, with the slopes of tanh in full."""
+class FullSlopes:
+    """Mix-in of order 0: the slopes of tanh in full."""
 
     def formula(self, node):
-        if node in self.slopes_of_tanh:
+        for a in self.arguments_of_tanh.get(node, ()):
             # 1 - tanh**2 has lost every digit where the layer is left behind.
-            return f"1.0 / math.cosh(v{self.slopes_of_tanh[node]}) ** 2"
+            return f"1.0 / math.cosh({self.name(a)}) ** 2"
         return super().formula(node)
+
+    @functools.cached_property
+    def arguments_of_tanh(self):
+        """Node of a slope -> the argument of its tanh, in a list."""
+        tanhs = [(a, node.args[0]) for a, node in enumerate(self.graph.nodes) if node.data == "tanh"]
+        return {self.graph.split(function_slope(self.graph, a))[1]: [u] for a, u in tanhs}
+
+
+class _Values(FullSlopes, OrderZero):
+    """Order 0 of a smoothed model."""
 
 
 class _Unrolled(OrderK):
@@ -105,11 +117,6 @@ def taylor_lines(code, rates: list[int], extra: list[int]) -> list[str]:
     if orders.count > MOST_PRODUCTS:
         return []
     values = _Values(graph, Writer(), degrees, None, orders.reciprocals)
-    values.slopes_of_tanh = {
-        graph.split(function_slope(graph, a))[1]: graph.nodes[a].args[0]
-        for a in values.needed(nodes)
-        if graph.nodes[a].data == "tanh"
-    }
     states = [graph.var("x", i) for i in range(n)]
     # The constant rates are the slopes of affine states.
     values.emit([rate for x, rate in zip(states, rates, strict=True) if degrees.of(x) == AFFINE])

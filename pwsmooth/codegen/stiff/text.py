@@ -69,8 +69,11 @@ class StiffCode(ScalarCode):
 
     def vectors(self, roots, hoisted=()) -> bool:
         """Whether all of it can be computed on vectors: no branches, which differ from lane to lane."""
-        nodes = (self.graph.nodes[a] for a in self._moving(roots, hoisted))
-        return all(n.op in _VECTOR and (n.op != "fun" or n.data in LANE_BY_LANE) for n in nodes)
+        return all(map(self.vectorised, self._moving(roots, hoisted)))
+
+    def vectorised(self, node: int) -> bool:
+        op, _, data = self.graph.nodes[node]
+        return op in _VECTOR and (op != "fun" or data in LANE_BY_LANE)
 
     def parameter_operations(self, roots, known=()) -> None:
         """Everything of the parameters alone."""

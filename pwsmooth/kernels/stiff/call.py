@@ -7,7 +7,7 @@ from ..machine.pointers import caller
 # Positions in the array of addresses, in the order of codegen.stiff.NAMES.
 RATES1, HOIST, RATES8, JACOBIAN, FACTOR, SOLVE, SURFACES, SURFACES8, TAYLOR, WATCH8, ACT, RADAU = range(12)
 # Behind them the units of the loop, in the order of stiff_loop.UNITS.
-ATTEMPT_UNIT, TAYLOR_UNIT, EVENTS_UNIT, DENSE_FACTOR, DENSE_SOLVE = range(12, 17)
+ATTEMPT_UNIT, TAYLOR_UNIT, EVENTS_UNIT, SPARSE_FACTOR, SPARSE_SOLVE = range(12, 17)
 
 # rates1, jacobian and surfaces: overwrites out.
 call_point = caller("t, x, p, out")
@@ -47,8 +47,8 @@ call_taylor_unit = caller("core, task", types.int64)
 # events_unit: what happened on the step from t.
 call_events_unit = caller("core, t, degree, offset", types.int64)
 
-# dense_factor: overwrites lu.
-call_dense_factor = caller("n, J, mu, lu")
+# sparse_factor: overwrites lu.
+call_sparse_factor = caller("plan, J, mu, lu")
 
-# dense_solve: overwrites r.
-call_dense_solve = caller("n, lu, r")
+# sparse_solve: overwrites r.
+call_sparse_solve = caller("plan, lu, r")

@@ -27,9 +27,9 @@ def root(size, order):
 
 
 @kernel
-def look(adr, n, q, t, x, p, surface_state, surf):
-    """Overwrites surf: for each of q surfaces h, dh/dt at fixed x, eps, and the gradient (only h where h is a
-    state)."""
+def look(adr, q, t, x, p, surface_state, surf):
+    """Overwrites surf: of each of q surfaces h, dh/dt at fixed x, eps, and then the gradients (only h where all are
+    states)."""
     full = False
     for j in range(q):
         full = full or surface_state[j] < 0
@@ -37,33 +37,32 @@ def look(adr, n, q, t, x, p, surface_state, surf):
         call_point(adr[SURFACES], t, x, p, surf)
     else:
         for j in range(q):
-            surf[j * (n + 3)] = x[surface_state[j]]
+            surf[3 * j] = x[surface_state[j]]
 
 
 @kernel
-def speed(n, surf, f, j):
-    """dh_j/dt along the flow f."""
-    base = j * (n + 3)
-    v = surf[base + 1]
-    for i in range(n):
-        v += surf[base + 3 + i] * f[i]
+def along(s, j, f):
+    """The gradient of surface j times f."""
+    v = 0.0
+    for k in range(s.slope_first[j], s.slope_first[j + 1]):
+        v += s.surf[3 * s.q + k] * f[s.slope_state[k]]
     return v
 
 
 @kernel
-def step_limit(n, q, surf, f):
+def step_limit(s, f):
     """R2: longest step allowed before the layers are looked at again."""
     limit = np.inf
-    for j in range(q):
-        h, eps = surf[j * (n + 3)], surf[j * (n + 3) + 2]
-        v = speed(n, surf, f, j)
+    for j in range(s.q):
+        h, eps = s.surf[3 * j], s.surf[3 * j + 2]
+        v = s.surf[3 * j + 1] + along(s, j, f)
         if h * v < 0.0 and abs(h) > REACH * eps:
             limit = min(limit, 0.9 * THETA * (abs(h) + REACH * eps) / abs(v))
     return limit
 
 
 @kernel
-def passed(adr, n, q, t8, X, p, surface_state, surf, values, lanes):
+def passed(adr, q, t8, X, p, surface_state, surf, values, lanes):
     """R3 over the first `lanes` points: 0 if none moved too far, else the factor by which to shrink the
     step."""
     factor = 0.0
@@ -71,7 +70,7 @@ def passed(adr, n, q, t8, X, p, surface_state, surf, values, lanes):
         return factor
     called = False
     for j in range(q):
-        h, eps, state = surf[j * (n + 3)], surf[j * (n + 3) + 2], surface_state[j]
+        h, eps, state = surf[3 * j], surf[3 * j + 2], surface_state[j]
         if state < 0 and not called:
             call_lanes(adr[SURFACES8], t8, X, p, values)
             called = True
@@ -87,32 +86,29 @@ def passed(adr, n, q, t8, X, p, surface_state, surf, values, lanes):
 
 
 @kernel
-def set_weights(n, q, x, rtol, atol, surf, weight, newton_weight):
+def set_weights(s, rtol):
     """Overwrites the weights (1/tolerance) of the error test and of the Newton iteration (which R1
     tightens)."""
-    for i in range(n):
-        weight[i] = 1.0 / (atol[i] + rtol * abs(x[i]))
-        newton_weight[i] = weight[i]
-    for j in range(q):
-        base = j * (n + 3)
-        layer = 1.0 / (rtol * (surf[base + 2] + abs(surf[base])))
-        for i in range(n):
-            newton_weight[i] = max(newton_weight[i], abs(surf[base + 3 + i]) * layer)
+    for i in range(s.n):
+        s.weight[i] = 1.0 / (s.atol[i] + rtol * abs(s.x[i]))
+        s.newton_weight[i] = s.weight[i]
+    for j in range(s.q):
+        layer = 1.0 / (rtol * (s.surf[3 * j + 2] + abs(s.surf[3 * j])))
+        for k in range(s.slope_first[j], s.slope_first[j + 1]):
+            i = s.slope_state[k]
+            s.newton_weight[i] = max(s.newton_weight[i], abs(s.surf[3 * s.q + k]) * layer)
 
 
 @kernel
-def error_norm(n, q, err, weight, surf, rtol):
+def error_norm(s):
     """Largest error in units of its tolerance, R1 included; nan if any is."""
     norm = 0.0
-    for i in range(n):
-        e = abs(err[i]) * weight[i]
+    for i in range(s.n):
+        e = abs(s.err[i]) * s.weight[i]
         if not e <= norm:
             norm = e
-    for j in range(q):
-        base, e = j * (n + 3), 0.0
-        for i in range(n):
-            e += surf[base + 3 + i] * err[i]
-        e = abs(e) / (rtol * (surf[base + 2] + abs(surf[base])))
+    for j in range(s.q):
+        e = abs(along(s, j, s.err)) / (s.rtol * (s.surf[3 * j + 2] + abs(s.surf[3 * j])))
         if not e <= norm:
             norm = e
     return norm

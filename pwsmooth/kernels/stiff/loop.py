@@ -30,20 +30,25 @@ from pwsmooth.kernels.stiff.radau import step_polynomial
 from pwsmooth.kernels.stiff.step import radau_step
 
 TO_TAYLOR, TO_RADAU = 10.0, 3.0
-BARGAIN = 1.5  # time of a Radau step over time of a Taylor step
 PATIENCE = 4  # Radau steps before Taylor is asked again
 STALL = 8192  # attempts within which the time must advance by LEAST_ADVANCE
 
 
 @kernel
-def spectral_radius(n, J, u, scratch):
+def spectral_radius(s, u, scratch):
     """sqrt(|J J u| / |u|) in the maximum norm; overwrites u with the direction found."""
+    n = s.n
     for _ in range(2):
+        for i in range(n, s.unknowns):
+            u[i] = 0.0
         for i in range(n):
-            v = 0.0
-            for j in range(n):
-                v += J[i * n + j] * u[j]
-            scratch[i] = v
+            scratch[i] = 0.0
+        for k in range(s.entries):  # those of sums come first
+            i = s.J_row[k]
+            if i < n:
+                scratch[i] += s.J[k] * u[s.J_column[k]]
+            else:
+                u[i] += s.J[k] * u[s.J_column[k]]
         for i in range(n):
             u[i] = scratch[i]
     top = 0.0
@@ -84,19 +89,20 @@ def _choose_method(s):
     """After an accepted step: who takes the next one."""
     if s.mode == S.RADAU:
         trace = 0.0
-        for i in range(s.n):
-            trace += s.J[i * s.n + i]
+        for k in range(s.entries):
+            if s.J_row[k] == s.J_column[k]:
+                trace += s.J[k]
         # |trace| / n is below the spectral radius, and often settles it.
         if not s.may_taylor or s.h * abs(trace) > s.n * TO_TAYLOR:
             return
         if s.wait > 0:
             s.wait -= 1
             return
-        if s.h * spectral_radius(s.n, s.J, s.power, s.scratch) < TO_TAYLOR:
-            look(s.adr, s.n, s.q, s.t, s.x, s.p, s.surface_state, s.surf)
-            set_weights(s.n, s.q, s.x, s.rtol_taylor, s.atol, s.surf, s.weight, s.newton_weight)
+        if s.h * spectral_radius(s, s.power, s.scratch) < TO_TAYLOR:
+            look(s.adr, s.q, s.t, s.x, s.p, s.surface_state, s.surf)
+            set_weights(s, s.rtol_taylor)
             call_taylor_unit(s.adr[TAYLOR_UNIT], s, S.REACH_ONLY)
-            if BARGAIN * s.reach > s.h:
+            if s.bargain * s.reach > s.h:
                 s.mode = S.TAYLOR
                 s.stiff_steps = 0
                 s.h = s.h_max
@@ -107,7 +113,7 @@ def _choose_method(s):
         return
     call_point(s.adr[JACOBIAN], s.t, s.x, s.p, s.J)
     s.jacobians += 1
-    stiff = s.taken * spectral_radius(s.n, s.J, s.power, s.scratch) > TO_RADAU
+    stiff = s.taken * spectral_radius(s, s.power, s.scratch) > TO_RADAU
     s.stiff_steps = s.stiff_steps + 1 if stiff else 0
     if s.stiff_steps >= 2:
         s.mode = S.RADAU
@@ -122,7 +128,7 @@ def _polynomial(s, mode, coefficients):
     n = s.n
     if mode == S.RADAU:
         return step_polynomial(s.order, n, s.Z, s.start, coefficients)
-    rows = at(s.rows, (n + s.q) * S.STRIDE * (1 - s.rows_at))
+    rows = at(s.rows, s.rows_length * (1 - s.rows_at))
     for i in range(n):
         power = 1.0
         for k in range(s.taylor_order + 1):
@@ -157,7 +163,7 @@ def _next_length(s, t, rest):
     """h within what the user, the gate and the rest of the way allow."""
     h = min(s.h, s.h_max)
     if s.q > 0:
-        h = min(h, step_limit(s.n, s.q, s.surf, s.f))
+        h = min(h, step_limit(s, s.f))
     if h >= 0.99 * rest:
         h = rest
     elif h > 0.6 * rest:  # two equal steps rather than a sliver at the end
@@ -238,13 +244,13 @@ def integrate(s, steps):
         t, mode, stop = s.t, s.mode, s.t_end
         if s.ticks < s.instants:
             stop = min(stop, s.instant_t[s.ticks])
-        look(s.adr, s.n, s.q, t, s.x, s.p, s.surface_state, s.surf)
+        look(s.adr, s.q, t, s.x, s.p, s.surface_state, s.surf)
         if _next_length(s, t, stop - t):
             return Outcome.STEP_UNDERFLOW
         for i in range(s.n):
             s.start[i] = s.x[i]
         rtol = s.rtol if mode == S.RADAU else s.rtol_taylor
-        set_weights(s.n, s.q, s.x, rtol, s.atol, s.surf, s.weight, s.newton_weight)
+        set_weights(s, rtol)
         if mode == S.RADAU:
             accepted = radau_step(s)
         else:

@@ -28,21 +28,21 @@ from pwsmooth.kernels.machine.lanes import (
 )
 from pwsmooth.kernels.stiff import state as S
 from pwsmooth.kernels.stiff.call import (  # fmt: skip
-    DENSE_FACTOR,
-    DENSE_SOLVE,
     FACTOR,
     HOIST,
     JACOBIAN,
     RATES1,
     RATES8,
     SOLVE,
-    call_dense_factor,
-    call_dense_solve,
+    SPARSE_FACTOR,
+    SPARSE_SOLVE,
     call_factor,
     call_hoist,
     call_point,
     call_rates8,
     call_solve,
+    call_sparse_factor,
+    call_sparse_solve,
 )
 from pwsmooth.kernels.stiff.gate import error_norm, passed
 from pwsmooth.kernels.stiff.rules import DOUBLINGS, LONGEST_PREDICTION, MAX_NEWTON
@@ -95,7 +95,7 @@ def step_polynomial(m, n, Z, x, coefficients):
 
 
 @kernel
-def factorise(adr, m, n, t, h, p, x, Z, predicted, J, mu, lu, scratch):
+def factorise(adr, m, n, t, h, p, x, Z, predicted, J, mu, plan, lu, scratch):
     """J at the predicted middle stage and the elimination of (mu/h) I - J; overwrites J, mu and lu."""
     middle = 1 + m
     for i in range(n):
@@ -105,19 +105,19 @@ def factorise(adr, m, n, t, h, p, x, Z, predicted, J, mu, lu, scratch):
     if adr[FACTOR] != 0:
         call_factor(adr[FACTOR], J, mu, lu)
     else:
-        call_dense_factor(adr[DENSE_FACTOR], n, J, mu, lu)
+        call_sparse_factor(adr[SPARSE_FACTOR], plan, J, mu, lu)
 
 
 @kernel
-def _solve(adr, n, lu, R):
+def _solve(adr, plan, lu, R):
     if adr[SOLVE] != 0:
         call_solve(adr[SOLVE], lu, R)
     else:
-        call_dense_solve(adr[DENSE_SOLVE], n, lu, R)
+        call_sparse_solve(adr[SPARSE_SOLVE], plan, lu, R)
 
 
 @kernel
-def _iterate(adr, m, n, p, x, Z, W, X, F, R, t8, c8, mu, lu, weight):
+def _iterate(adr, m, n, p, x, Z, W, X, F, R, t8, c8, mu, plan, lu, weight):
     """One Newton iteration for any n: overwrites Z, W, X, F and R, returns the norm of the increment."""
     s = 3 + 2 * m
     mr, mi = load4(mu, 0), load4(mu, 4)
@@ -131,7 +131,7 @@ def _iterate(adr, m, n, p, x, Z, W, X, F, R, t8, c8, mu, lu, weight):
         wr, wi = load4(W, 8 * i), load4(W, 8 * i + 4)
         store4(R, 8 * i, low4(v) - (mr * wr - mi * wi))
         store4(R, 8 * i + 4, high4(v) - (mr * wi + mi * wr))
-    _solve(adr, n, lu, R)
+    _solve(adr, plan, lu, R)
     largest = splat8(0.0)
     for i in range(n):
         store8(W, 8 * i, load8(W, 8 * i) + load8(R, 8 * i))
@@ -144,7 +144,7 @@ def _iterate(adr, m, n, p, x, Z, W, X, F, R, t8, c8, mu, lu, weight):
 
 
 @kernel
-def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, weight, kappa, eta):
+def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, plan, lu, weight, kappa, eta):
     """Solve the stages, overwriting Z; returns (converged, iterations, eta, theta).
 
     Converged when the estimated rest eta * |last increment| is below kappa, in units of the tolerance. `eta`
@@ -162,7 +162,7 @@ def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, weight, ka
             store8(Z, 8 * i, splat8(0.0))
     before, theta, rest = 0.0, 0.0, eta
     for it in range(MAX_NEWTON):
-        norm = _iterate(adr, m, n, p, x, Z, W, X, F, R, t8, c8, mu, lu, weight)
+        norm = _iterate(adr, m, n, p, x, Z, W, X, F, R, t8, c8, mu, plan, lu, weight)
         if not norm < 1e300:
             return False, it + 1, rest, 2.0
         if it == 0:
@@ -186,7 +186,7 @@ def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, weight, ka
 
 
 @kernel
-def embedded_error(adr, m, n, t, h, p, x, f0, Z, lu, R, err, scratch, scratch2, again):
+def embedded_error(adr, m, n, t, h, p, x, f0, Z, plan, lu, R, err, scratch, scratch2, again):
     """Overwrites err; `again` filters it once more through f(t, x + err), against overestimates of stiff
     parts."""
     if again:
@@ -199,9 +199,31 @@ def embedded_error(adr, m, n, t, h, p, x, f0, Z, lu, R, err, scratch, scratch2, 
             v += ERROR[m, k] * Z[8 * i + k]
         store8(R, 8 * i, splat8(0.0))
         R[8 * i] = (scratch2[i] if again else f0[i]) + v / h
-    _solve(adr, n, lu, R)
+    _solve(adr, plan, lu, R)
     for i in range(n):
         err[i] = R[8 * i]
+
+
+@kernel
+def _estimate(s, t, h, again):
+    embedded_error(
+        s.adr,
+        s.order,
+        s.n,
+        t,
+        h,
+        s.p,
+        s.x,
+        s.f,
+        s.Z,
+        s.elimination,
+        s.lu,
+        s.R,
+        s.err,
+        s.scratch,
+        s.scratch2,
+        again,
+    )
 
 
 @unit(types.int64, S.Core, types.float64, types.float64, types.float64, types.float64)
@@ -218,26 +240,26 @@ def attempt_unit(s, t, h, ratio, eta):
     predicted = ratio < LONGEST_PREDICTION[m]
     if predicted:
         extrapolate(m, n, ratio, s.poly, s.Z)
-    factorise(adr, m, n, t, h, s.p, x, s.Z, predicted, s.J, s.mu, s.lu, s.scratch)
+    factorise(adr, m, n, t, h, s.p, x, s.Z, predicted, s.J, s.mu, s.elimination, s.lu, s.scratch)
     converged, iterations, eta, theta = newton(
-        adr, m, n, s.p, x, predicted, s.Z, s.W, s.X, s.F, s.R, s.t8, s.hoisted, s.mu, s.lu, s.newton_weight,
-        s.kappa, eta,
+        adr, m, n, s.p, x, predicted, s.Z, s.W, s.X, s.F, s.R, s.t8, s.hoisted, s.mu,
+        s.elimination, s.lu, s.newton_weight, s.kappa, eta,
     )  # fmt: skip
     s.iterations, s.eta, s.theta, s.again = iterations, eta, theta, 0.0
     if not converged:
         return S.NOT_CONVERGED
-    embedded_error(adr, m, n, t, h, s.p, x, s.f, s.Z, s.lu, s.R, s.err, s.scratch, s.scratch2, False)
-    size = error_norm(n, s.q, s.err, s.weight, s.surf, s.rtol)
+    _estimate(s, t, h, False)
+    size = error_norm(s)
     if not size < 1.0 and (s.first == 1 or s.rejected == 1):
-        embedded_error(adr, m, n, t, h, s.p, x, s.f, s.Z, s.lu, s.R, s.err, s.scratch, s.scratch2, True)
-        size = error_norm(n, s.q, s.err, s.weight, s.surf, s.rtol)
+        _estimate(s, t, h, True)
+        size = error_norm(s)
         s.again = 1.0
     s.error = size
     if not size < 1.0:
         return S.INACCURATE
     for i in range(n):
         store8(s.X, 8 * i, load8(s.Z, 8 * i) + x[i])
-    s.gate = passed(adr, n, s.q, s.t8, s.X, s.p, s.surface_state, s.surf, s.values, stages)
+    s.gate = passed(adr, s.q, s.t8, s.X, s.p, s.surface_state, s.surf, s.values, stages)
     if s.gate > 0.0:
         return S.GATED
     end_polynomial(m, n, s.Z, s.poly)

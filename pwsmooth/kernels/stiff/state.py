@@ -24,6 +24,9 @@ class Core(Bundle):
     n: "int"
     q: "int"
     e: "int"
+    unknowns: "int"  # of implicit steps: the states, then sums over elements
+    entries: "int"  # of J
+    rows_length: "int"  # of `rows`: numbers of one expansion
     capacity: "int"  # points that the output holds
     room: "int"  # event records that it holds
     evals: "int"  # wanted times
@@ -39,6 +42,7 @@ class Core(Bundle):
     rtol_taylor: "float"
     h_max: "float"
     kappa: "float"  # rest of Newton's iteration, in units of the tolerance
+    bargain: "float"  # time of a Radau step over time of a Taylor step
     least_advance: "float"  # of time, in as many attempts as tell a stall
     t: "float"
     h: "float"  # of the next attempt; 0: found by the loop
@@ -76,6 +80,13 @@ class Core(Bundle):
     adr: "i8*[:]"  # addresses of the generated functions and of the units
     surface_state: "i8*[q]"  # state index of a surface that is one, else -1
     surface_row: "i8*[q]"  # its row in the Taylor coefficients
+    slope_first: (
+        "i8*[q + 1]"  # where the gradient of each surface begins in `slope_state`, and in `surf` behind 3 q
+    )
+    slope_state: "i8*[:]"  # the states that it has entries of
+    J_row: "i8*[entries]"  # of each entry of J; rows and columns beyond the states are those of sums
+    J_column: "i8*[entries]"
+    elimination: "i8*[:]"  # the plan of sparse.py, where no code eliminates
     jumped: "int"  # from here to `left` as kernels/firing.py says
     direction: "i8*[e]"
     carried: "i8*[e]"
@@ -93,11 +104,11 @@ class Core(Bundle):
     f: "f8*[n]"  # rates at x
     start: "f8*[n]"  # x at the start of the step
     poly: "f8*[n, 8]"  # last collocation polynomial, from its end
-    rows: "f8*[2, n + q, stride]"  # Taylor coefficients, at x and at the end of the step under trial
-    power: "f8*[n]"  # vector of the power iteration
-    surf: "f8*[q, n + 3]"
-    J: "f8*[n, n]"
-    lu: "f8*[elimination]"  # eliminations of (mu/h) I - J, as the generated code or dense.py orders them
+    rows: "f8*[2, rows_length]"  # Taylor coefficients, at x and at the end of the step under trial
+    power: "f8*[unknowns]"  # vector of the power iteration
+    surf: "f8*[layers]"  # of every surface h, dh/dt at fixed x, eps; then the entries of their gradients
+    J: "f8*[entries]"
+    lu: "f8*[eliminated]"  # eliminations of (mu/h) I - J, as the generated code or sparse.py orders them
     Z: "f8*[n, 8]"  # as W, X, F, R
     W: "f8*[n, 8]"
     X: "f8*[n, 8]"

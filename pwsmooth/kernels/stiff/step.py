@@ -89,7 +89,7 @@ def radau_step(s):
 def taylor_reach(s):
     """Length that the expansion at x allows (made if there is none yet); nan if a coefficient is."""
     n = s.n
-    rows = at(s.rows, (n + s.q) * S.STRIDE * s.rows_at)
+    rows = at(s.rows, s.rows_length * s.rows_at)
     if not s.rows_valid:
         call_taylor(s.adr[TAYLOR], s.t, s.x, s.p, s.taylor_order, S.STRIDE, rows)
         s.f_evals += 1
@@ -104,8 +104,7 @@ def taylor_step(s):
     """One attempt of at most the step h; whether it was accepted. Where there is none, `taken` says why."""
     adr, n = s.adr, s.n
     K = s.taylor_order
-    block = (n + s.q) * S.STRIDE
-    rows, ahead = at(s.rows, block * s.rows_at), at(s.rows, block * (1 - s.rows_at))
+    rows, ahead = at(s.rows, s.rows_length * s.rows_at), at(s.rows, s.rows_length * (1 - s.rows_at))
     natural = taylor_reach(s)
     if natural != natural:
         s.taken = np.nan
@@ -115,7 +114,7 @@ def taylor_step(s):
     if natural < s.h and h < 4.0 * np.finfo(np.float64).eps * abs(s.t):
         s.taken = S.TOO_SHORT
         return False
-    gate = taylor_passed(n, s.q, K, S.STRIDE, rows, s.surface_row, s.surf, h, s.scratch)
+    gate = taylor_passed(s.q, K, S.STRIDE, rows, s.surface_row, s.surf, h, s.scratch)
     if gate > 0.0:
         return _reject(s, gate * h)
     evaluate(n, K, S.STRIDE, rows, h, s.scratch)

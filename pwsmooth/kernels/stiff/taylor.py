@@ -27,8 +27,7 @@ def _order_size(n, q, k, stride, rows, surface_row, surf, weight, rtol):
         if not e <= size:
             size = e
     for j in range(q):
-        base = j * (n + 3)
-        e = abs(rows[surface_row[j] * stride + k]) / (rtol * (surf[base + 2] + abs(surf[base])))
+        e = abs(rows[surface_row[j] * stride + k]) / (rtol * (surf[3 * j + 2] + abs(surf[3 * j])))
         if not e <= size:
             size = e
     return size
@@ -56,7 +55,7 @@ def evaluate(n, K, stride, rows, h, x):
 
 
 @kernel
-def taylor_passed(n, q, K, stride, rows, surface_row, surf, h, moved):
+def taylor_passed(q, K, stride, rows, surface_row, surf, h, moved):
     """R3 over the whole step: 0, or the factor by which to shrink it.
 
     The sum of the moduli settles most steps; otherwise the polynomial is looked at in 8 points (`moved`). A dip
@@ -65,9 +64,8 @@ def taylor_passed(n, q, K, stride, rows, surface_row, surf, h, moved):
     """
     factor = 0.0
     for j in range(q):
-        row, h0 = surface_row[j] * stride, surf[j * (n + 3)]
-        rim = RIM * surf[j * (n + 3) + 2]
-        allowed = THETA * (abs(h0) + REACH * surf[j * (n + 3) + 2])
+        row, h0, eps = surface_row[j] * stride, surf[3 * j], surf[3 * j + 2]
+        rim, allowed = RIM * eps, THETA * (abs(h0) + REACH * eps)
         bound = 0.0
         for k in range(K, 0, -1):
             bound = (bound + abs(rows[row + k])) * h
