@@ -579,9 +579,11 @@ class System(DescribedSystem):
             def smooth(field):
                 lams = [lam for lam, _ in field.switches] + [disc.symbol for disc in field.discs]
                 field = replace(field, parameters=(*field.parameters, *width))
-                return *smoothed(field, family, dict.fromkeys(lams, *width)), family.key
+                smooth, layers = smoothed(field, family, dict.fromkeys(lams, *width))
+                values = {lam: family.smooth(*layer) for (lam, _), layer in zip(field.switches, layers)}
+                return smooth, layers, values, family.key
 
-            found = one_element.read(*self._arguments, smooth, width)
+            found = one_element.read(*self._arguments, smooth=smooth, widths=width)
             self._cache[key] = found if found and found.model.smoothing else None
         return self._cache[key]
 

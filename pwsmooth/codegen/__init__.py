@@ -14,13 +14,13 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from ..definition.model import Model, Table, tables_of
+from ..definition.model import Model
+from .layout import all_tables
 from .machine import cache
 
 _compiled: WeakValueDictionary[Model, Compiled] = WeakValueDictionary()
 
 
-NO_TABLE = Table("none", np.zeros((1, 1)), 0.0)
 LANES = {"column": 1, "columns": 8}  # of programs that make the series of deviations
 
 
@@ -57,9 +57,7 @@ class Compiled:
         self._families = model.families
         self._key = cache.fingerprint(model.families.template if model.families else model)
         self._sizes = model.families.sizes if model.families else ()
-        self._tables = tuple(tables_of(model))
-        if model.families:
-            self._tables += tuple(table or NO_TABLE for table in model.families.links)
+        self._tables = all_tables(model)
         self._modules: list = []  # keeps the machine code alive
         self._loaded: dict = {}
 

@@ -11,8 +11,10 @@ from itertools import accumulate
 
 import numpy as np
 
-from ..definition.model import tables_of
+from ..definition.model import Model, Table, tables_of
 from ..definition.template import LINKED, Template
+
+NO_TABLE = Table("none", np.zeros((1, 1)), 0.0)
 
 # A row of Taylor coefficients holds at least K + 4 >= 5 numbers.
 SHORTEST_ROW = 5
@@ -160,6 +162,12 @@ class Layout:
 def neighbour(family: int, offset: int) -> str:
     """Name of a neighbour's index."""
     return f"j{family}{'p' if offset > 0 else 'm'}{abs(offset)}"
+
+
+def all_tables(model: Model) -> tuple[Table, ...]:
+    """Tables that code of a model reads: those of drives, then the neighbours of the elements of each family."""
+    links = model.families.links if model.families is not None else ()
+    return (*tables_of(model), *(table or NO_TABLE for table in links))
 
 
 def sparse_pattern(rows, families, columns, sizes, of) -> tuple[np.ndarray, np.ndarray]:

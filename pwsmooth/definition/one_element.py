@@ -216,10 +216,11 @@ class Element:
                 yield from np.flatnonzero(~((found >= 0) & (found <= 1)))[:1].tolist()
 
 
-def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled, smooth=None, widths=()):
+def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled, *, smooth=None, widths=()):
     """The `Element` of a system with families, or None where their elements have to be written out.
 
-    `smooth` makes a field that of a smoothed view: field -> field, smoothing and sigmoid; `widths` are its parameters.
+    `smooth` makes a field that of a smoothed view, with `widths` for parameters: it gives the field, its smoothing, what
+    the multipliers have become, and the sigmoid.
     """
     whole = [*rates, *outputs.items()]
     pieces = [e for pair in whole for e in pair if isinstance(e, sp.Basic)]
@@ -256,14 +257,13 @@ def _values(families, one, numbers):
     return {s: checks.parameter_value(s, values[s.name]) for s in symbols}
 
 
-def _template(field, smoothing=(), sigmoid="algebraic", *, one):
+def _template(field, smoothing=(), blended=(), sigmoid="algebraic", *, one):
     if field.discs:
         raise NoTemplate("a disc")
     places = dict(one.places)
     for s in list(places):
         if isinstance(s, Memory):
             places[lifting.plain(s)] = places.pop(s)
-    neighbours = {s for s, p in places.items() if p.base != s and p.base is not None}
     for R, gap, e in field.contacts:
         if MARK not in R.name:
             raise NoTemplate("a contact of the whole")
@@ -272,6 +272,17 @@ def _template(field, smoothing=(), sigmoid="algebraic", *, one):
             raise NoTemplate("a contact of several families")
         places[R] = Place(of.pop(), R)
     beside = Neighbours(field, places, tuple(f.periodic for f in one.families))
+    if told := {s: p for s, p in places.items() if p.base in blended and p.offset}:  # multipliers of neighbours
+        gone = {s: beside.absent(p.family, p.offset) for s, p in told.items()}
+        values = {s: beside.at(blended[p.base], p.offset) for s, p in told.items()}
+        values = {
+            s: e if gone[s] == 0 else (1 - gone[s]) * e + gone[s] * told[s].outside for s, e in values.items()
+        }
+        field = field.map(lambda e: e.xreplace(values))
+        for s in told:
+            del places[s]
+        beside.take(field)
+    neighbours = {s for s, p in places.items() if p.base != s and p.base is not None}
 
     def family(*expressions):
         families = {places[s].family for e in expressions for s in e.free_symbols if s in places}

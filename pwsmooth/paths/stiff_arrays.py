@@ -32,8 +32,10 @@ _MOST_OUTPUT = 2**24  # numbers that the points of one call of the loop take, an
 
 
 def core(compiled: Any, capacity: int, dense: bool, **given: Any) -> Core:
-    """The Core with room for `capacity` points, fewer of large models, and for events; its arrays, but the `given` ones,
-    live until the thread's next run."""
+    """The Core with room for `capacity` points, fewer of large models, and for events.
+
+    Its arrays, but the `given` ones, live until the thread's next run.
+    """
     n, q, e = compiled.n, compiled.n_surfaces, compiled.n_events
     capacity = min(capacity, max(64, _MOST_OUTPUT // max(1, n * (18 if dense else 1))))
     # What happens at one instant has room in any case.

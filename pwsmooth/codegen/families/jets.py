@@ -30,7 +30,7 @@ from .sections import Root, Sections
 class FamilyJet(ElementMemory):
     """Writes `jet_slip` of one template; constants of its text say where the rows are.
 
-    `_solve`, `_frozen` and the like are for the general program (sliding.py), `_surfaces` for layers (stiff.py).
+    `_solve`, `_frozen` and the like are for the general program (sliding.py), `_surfaces` for layers (elements.py).
     """
 
     name, arguments = "jet_slip", "t, x, mult, p, K, stride, rows, scratch"

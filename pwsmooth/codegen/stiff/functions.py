@@ -12,7 +12,7 @@
     act(i, t, x, p, xnew)    event i: 0 if its `when` fails, else writes its updates into xnew
     radau(...)               a whole attempt at a Radau step of one order, where n is small (attempt.py)
 
-Of a family all but `hoist`, `factor`, `solve` and `radau` are loops over its elements (codegen/families/stiff.py).
+Of a family all but `hoist`, `factor`, `solve` and `radau` are loops over its elements (elements.py).
 Chain: Model (with `smoothing`, without multipliers) -> text -> machine/vectors.py -> addresses.
 """
 
@@ -107,7 +107,7 @@ def compile_stiff(model: Model) -> CompiledStiff:
             "Contacts and algebraic unknowns run on the event-driven path."
         )
     if model.families is not None:
-        from ..families.stiff import load
+        from .elements import load
 
         address, codes, numbers = load(model)
     else:

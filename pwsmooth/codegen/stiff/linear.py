@@ -1,4 +1,4 @@
-"""Sparse elimination of (mu_e/h) I - J, written out for one pattern of J, four eigenvalues at once; plans of large ones.
+"""Sparse elimination of (mu_e/h) I - J, written out for one pattern of J, four eigenvalues at once.
 
 Lane e of every array holds the system of eigenvalue mu_e: lane 0 is the real one, the others are complex. The
 order of elimination is fixed at generation (least fill, pivots on the diagonal): mu/h dominates there, and a
@@ -94,7 +94,7 @@ def elimination_lines(n: int, pattern: set, elimination: Elimination) -> tuple[l
 
 
 def factor_lines(n: int, pattern: set, elimination: Elimination) -> list[str]:
-    """Body of factor(J, m, lu): J has the entries of the pattern by rows, m the eigenvalues over h, lu is overwritten."""
+    """Body of factor(J, m, lu): J has the pattern's entries by rows, m the eigenvalues over h, lu is overwritten."""
     lines = [f"    j{i}_{j} = J[{k}]" for k, (i, j) in enumerate(sorted(pattern))]
     lines += ["    mr = load4(m, 0)", "    mi = load4(m, 4)"]
     body, entry = elimination_lines(n, pattern, elimination)
@@ -168,7 +168,7 @@ def _order(size: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
 
 
 def plan(n: int, size: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """How kernels/stiff/sparse.py eliminates `size` unknowns, n of which are states, from entries of J at these places."""
+    """How kernels/stiff/sparse.py eliminates `size` unknowns, n of them states, with entries of J in these places."""
     order = _order(size, rows, columns)
     place = np.empty(size, np.int64)
     place[order] = np.arange(size)

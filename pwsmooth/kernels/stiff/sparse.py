@@ -6,9 +6,9 @@ over elements are unknowns of the whole behind the states, with 1 in the place o
     (mu/h - J) dx - U dS = r,    - V dx + (1 - W) dS = 0
 
 A plan is one array: N and n, its numbers of unknowns and of states; then for every row in the order of elimination the
-unknown, where its entries of J begin, where those of L and of U; then these entries: place in J and column; columns of L;
-columns of U. `lu` has rows of 8 (real parts of four eigenvalues, then imaginary parts): pivots, inverted, L, U, and one
-row of scratch for every unknown.
+unknown, where its entries of J begin, where those of L and of U; then these entries: place in J and column, columns of
+L, columns of U. `lu` has rows of 8 (real parts of four eigenvalues, then imaginary parts): pivots, inverted, L, U, and
+one row of scratch for every unknown.
 """
 
 from numba import types

@@ -1,29 +1,30 @@
-"""The functions of the stiff path (codegen/stiff/functions.py) for a model with families: loops over its elements.
+"""The functions of functions.py for a model with families: loops over its elements.
 
 At eight points at once a loop's body is the vector code of small models, on the states of its element. Sums over
 elements are unknowns of the implicit steps, so that the Jacobian stays sparse: their entries stand before those of the
 rates, a row for every sum and a column behind those of the states.
-Chain: template.py -> GradedGraph (codegen/stiff/graph.py) -> text (this file) -> machine/vectors.py, native.py.
+Chain: template.py -> GradedGraph (graph.py) -> text (this file) -> machine/vectors.py, native.py.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ...definition.model import Model, tables_of
+from ...definition.model import Model
 from ...kernels.stiff.state import STRIDE
+from ..families.fields import FamilyFields
+from ..families.jets import FamilyJet
+from ..families.orders import FamilyOrderZero
+from ..families.sections import Placed, Root, Sections
+from ..fields import Source
 from ..graph.scalar import Writer
 from ..graph.slopes import derivative
-from ..layout import Count, Layout, numeric_rows, one, sparse_pattern, starts
+from ..layout import Count, Layout, all_tables, numeric_rows, one, sparse_pattern, starts
 from ..machine import cache
-from ..stiff.graph import GradedGraph
-from ..stiff.taylor import FullSlopes
-from ..stiff.text import StiffCode
 from ..taylor.recurrences import NoRecurrence
-from .fields import FamilyFields, Source
-from .jets import FamilyJet
-from .orders import FamilyOrderZero
-from .sections import Placed, Root, Sections
+from .graph import GradedGraph
+from .taylor import FullSlopes
+from .text import StiffCode
 
 
 class LanesOfElements(Placed, StiffCode):
@@ -185,37 +186,27 @@ def _taylor_text(model: Model) -> dict[str, str]:
     """The text of `taylor`; none where a recurrence is missing, or with branches that depend on the motion."""
     try:
         jet = FamilyTaylor(model)
-    except NoRecurrence:
-        return {}
-    graph = jet.graph
-    nodes = [graph.nodes[a] for a in graph.reach([*jet.rates, *jet.h], through=True)]
-    if any(node.op == "ite" and graph.depends[node.args[0]] for node in nodes):
-        return {}
-    try:
-        return {"taylor": jet.write()}
+        nodes = [jet.graph.nodes[a] for a in jet.graph.reach([*jet.rates, *jet.h], through=True)]
+        bends = any(node.op == "ite" and jet.graph.depends[node.args[0]] for node in nodes)
+        return {} if bends else {"taylor": jet.write()}
     except NoRecurrence:
         return {}
 
 
 def load(model: Model):
     """(addresses by name, loaded codes, what CompiledStiff holds) of a model with families."""
-    from .. import NO_TABLE
     from ..machine import native, vectors
 
     families = model.families
     key = cache.fingerprint(families.template)
     texts = cache.cached_texts(f"stiff{key}", lambda: FamilyStiff(model).texts() | _taylor_text(model))
-    tables = (*tables_of(model), *(table or NO_TABLE for table in families.links))
+    tables = all_tables(model)
     codes = {"stiff": vectors.load(texts["stiff"], families.sizes, tables)}
     if "taylor" in texts:
         codes["taylor"] = native.load(texts["taylor"], families.sizes, tables)
 
     def address(name: str) -> int:
-        return (
-            codes["taylor"].address(name)
-            if name == "taylor" and "taylor" in codes
-            else codes["stiff"].address(name)
-        )
+        return codes.get(name, codes["stiff"]).address(name)
 
     return address, codes, _numbers(model, codes)
 
