@@ -219,8 +219,8 @@ class Element:
 def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled, *, smooth=None, widths=()):
     """The `Element` of a system with families, or None where their elements have to be written out.
 
-    `smooth` makes a field that of a smoothed view, with `widths` for parameters: it gives the field, its smoothing, what
-    the multipliers have become, and the sigmoid.
+    `smooth` makes a field that of a smoothed view, with `widths` for parameters: it gives the field, its smoothing,
+    what the multipliers have become, and the sigmoid.
     """
     whole = [*rates, *outputs.items()]
     pieces = [e for pair in whole for e in pair if isinstance(e, sp.Basic)]

@@ -424,4 +424,5 @@ def _rate(rhs, states, columns, layers):
             parts.append([sp.Abs(e) ** sp.Rational(1, 1 + power) for e in along if e != 0])
             spread = [_spread(e, states, columns, proves=False) for e in entries]
             parts.append([e ** sp.Rational(1, 1 + 2 * power) for e in spread if e != 0])
-    return sum((sp.Max(*part) for part in parts if part), sp.S.Zero)
+    # Without a look at which of two is larger, of which there are n^2.
+    return sum((sp.Max(*part, evaluate=False) for part in parts if part), sp.S.Zero)
