@@ -1,15 +1,19 @@
-"""Smoothed views of families: loops over their elements, with a sparse elimination in the implicit steps."""
+"""Implicit steps of families, in smoothed views and between events: loops over elements, and a sparse elimination."""
 
+import itertools
 import time
 
 import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Disc, Family, Kicks, System, solve
+from pwsmooth import Disc, Event, Family, Kicks, System, solve
 from pwsmooth.codegen.machine.units import unit_address
 from pwsmooth.codegen.stiff import linear
 from pwsmooth.codegen.stiff.elements import FamilyStiff, FamilyTaylor
+from pwsmooth.laws.friction import LuGre
+from pwsmooth.paths.stiff_events import switched_by_events
+from tests.fuzz import assemblies
 from tests.fuzz.layers import Functions
 
 t, u = sp.symbols("t u", real=True)
@@ -221,3 +225,59 @@ def test_a_layer_around_a_surface_that_reads_a_sum_is_written_out():
     view = system.smoothed(1e-2)
     assert view.model.families is None
     assert solve(view, (0, 1), {x: np.sin(np.arange(9)).tolist(), v: 0.2}).success
+
+
+# ---- method="stiff": implicit steps between exact events
+
+
+def bristles(n):
+    """Blocks in a row on a belt, each on stiff bristles."""
+    family = Family(n)
+    x, v = family.symbols("x v")
+    pull = family.neighbour(x, 1) + family.neighbour(x, -1) - 2 * x
+    law = LuGre(F_c=0.4, F_s=0.6, v_s=0.05, sigma0=1e6, sigma1=1e3, sigma2=0.1)
+    law = law.attach(velocity=v - sp.Rational(1, 10), position=x - t / 10, time=t)
+    rates = {x: v, v: pull - x - law.force, **dict(law.rates)}
+    start = {x: (0.3 * np.sin(np.arange(n))).tolist(), v: 0.0} | dict.fromkeys(dict(law.rates), 0.0)
+    return System(rates, time=t, parameters=law.parameters), start
+
+
+def test_stiff_bristles_of_a_family_are_looped_and_meet_the_same_events():
+    system, start = bristles(12)
+    assert switched_by_events(system.model).families is not None
+    runs = [solve(s, (0, 1), start, method="stiff", rtol=1e-9) for s in (system, system._written_out())]
+    exact = solve(system, (0, 1), start, rtol=1e-9)
+    names = [[(e.switch, e.kind, e.note) for e in run.events] for run in (*runs, exact)]
+    assert sorted(names[0]) == sorted(names[1]) == sorted(names[2]) and len(names[0]) > 12
+    assert np.abs(runs[0].x[:, -1] - runs[1].x[:, -1]).max() < 1e-9
+    assert np.abs(runs[0].x[:, -1] - exact.x[:, -1]).max() < 1e-7
+    assert runs[0].cost["steps"] < exact.cost["steps"] / 30
+
+
+@pytest.mark.parametrize("kind", ["kink", "memory", "fire", "bounce", "parallel"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_events_and_switches_of_elements_between_implicit_steps(kind, seed):
+    first = assemblies.KINDS.index(kind) + len(assemblies.KINDS) * 100 * seed
+    models = map(assemblies.structure, itertools.count(first, len(assemblies.KINDS)))
+    model = next(M for M in models if M.n <= 12)
+    with assemblies.templates():
+        system = System(**model.arguments)
+    one = assemblies.case(model, seed)
+    assert switched_by_events(system.model).families is not None
+    options = dict(parameters=one.p, t_eval=one.instants, rtol=1e-10, atol=1e-12)
+    stiff, exact = (
+        solve(system, (0, one.instants[-1]), one.start, method=m, **options) for m in ("stiff", "auto")
+    )
+    assert sorted((e.switch, e.kind) for e in stiff.events) == sorted((e.switch, e.kind) for e in exact.events)
+    assert np.abs(stiff.x - exact.x).max() < 1e-7 * (1 + np.abs(exact.x).max())
+
+
+def test_memories_of_a_chain_and_of_a_ring_are_not_the_same():
+    found = []
+    for periodic in (False, True):
+        family = Family(3, periodic=periodic)
+        (v,) = family.symbols("v")
+        count = family.memory("count", 0)
+        event = Event(v - 1, direction=1, update={v: 0, count: count + 1}, name="fire")
+        found += [dict(event.update)[count].free_symbols.pop().family.periodic]
+    assert found == [False, True]

@@ -42,9 +42,10 @@ class Family:
     -----
     From 8 elements on one element is lowered and the generated code loops over all, so that n does not matter for the
     time to set up. Contacts and friction between neighbours by a table, elements that act on each other's multipliers
-    otherwise, hidden terms on surfaces that slide (but for static friction, of 100 elements and more) and switches that
-    can slide to second order (relays on positions) have no template: their elements are written out, as are those of
-    smoothed and layered views. In large families an event costs its neighbourhood alone: see `solve`.
+    otherwise, hidden terms on surfaces that slide (but for static friction, of 100 elements and more), vector switches
+    (`Disc`) and switches that can slide to second order (relays on positions) have no template: their elements are
+    written out, as are those of layered views. Smoothed views are looped, with all of these but one: a layer around
+    what a sum is in. In large families an event costs its neighbourhood alone: see `solve`.
 
     Examples
     --------
@@ -450,7 +451,7 @@ class MemberMemory(Memory):
         return (self.name, self.initial, self.family), {}
 
     def _hashable_content(self):
-        return (*super()._hashable_content(), self.family.name, self.family.n)
+        return (*super()._hashable_content(), self.family.name, self.family.n, self.family.periodic)
 
     def of_element(self, k):
         return Memory(f"{self.name}_{k + 1}", self.initial)

@@ -151,6 +151,10 @@ class Families:
         families = self.template.families(kind)
         return [v for v, f in zip(values, families) for _ in range(1 if f is None else self.sizes[f])]
 
+    def of_events(self) -> list[Any]:
+        """The template's event of every event: of what kind it is, without its expressions."""
+        return self.spread("events", self.template.model.events)
+
     def locate(self, kind: str, i: int) -> tuple[int, int | None]:
         """(block, element or None) of number i."""
         starts = self.starts(kind)

@@ -47,13 +47,13 @@ def core(compiled: Any, capacity: int, dense: bool, **given: Any) -> Core:
     own = dict(
         J_row=compiled.pattern[0], J_column=compiled.pattern[1], slope_first=compiled.slopes[0],
         slope_state=compiled.slopes[1], elimination=compiled.elimination, surface_state=compiled.surface_state,
-        surface_row=compiled.surface_row,
+        surface_row=compiled.surface_row, group=compiled.group, read=compiled.read,
     )  # fmt: skip
     numbers = {
         name: sizes[name] for name in ("n", "q", "e", "capacity", "room", "unknowns", "entries", "rows_length")
     }
     plan = Core.planned(sizes, undefined=_OUTPUT, given=tuple(own))
     return Core.in_one_block(
-        plan, _memory, **numbers, evals=len(given["t_eval"]), instants=len(given["instant_t"]), dense=dense,
-        **(own | given),
+        plan, _memory, groups=int(compiled.group.max(initial=-1)) + 1, reads=len(compiled.read),
+        evals=len(given["t_eval"]), instants=len(given["instant_t"]), dense=dense, **(numbers | own | given),
     )  # fmt: skip

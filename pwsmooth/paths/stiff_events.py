@@ -18,6 +18,7 @@ import sympy as sp
 from ..codegen.graph.dag import UNARY
 from ..codegen.taylor.recurrences import FLAT
 from ..definition.model import EventSpec, Model, Select
+from ..definition.template import family_model, named
 from ..results.records import course
 from ..results.solution import Solution
 from .budget import Budget
@@ -55,15 +56,44 @@ def switched_by_events(model: Model) -> Model:
     ValueError
         A switch that can slide, a disc, a contact or an algebraic unknown: these need a multiplier that is solved for.
     """
-    # Changed, so that the elements of families are written out. Implicit steps rest on a branch point by themselves.
-    model = replace(model, outputs=(), events=tuple(e for e in model.events if e.singular != "branch"))
+    families = model.families
+    if families is None or families.template.mirrors:  # what two neighbours tell of one surface is one event
+        return _switched(model)
+    template = families.template
+    switched = _switched(template.model)
+    sums = tuple((s, family, _selecting(e)) for s, family, e in template.sums)
+    if any(h.free_symbols & {s for s, *_ in sums} for h, _ in switched.smoothing):
+        return _switched(model)
+    of_switches = template.families("multipliers")
+    kept = zip(template.model.events, template.event_families)
+    changed = replace(
+        template, model=switched, sums=sums, output_families=(), levels=(),
+        event_families=(*(f for e, f in kept if _watched(e)), *of_switches),
+        layer_families=tuple(f for f, mu in zip(of_switches, template.model.multipliers) if strip(mu, template.model)),
+    )  # fmt: skip
+    return family_model(replace(families, template=changed))
+
+
+def _watched(event: EventSpec) -> bool:
+    """Implicit steps rest on a branch point by themselves."""
+    return event.singular != "branch"
+
+
+def _selecting(e: Any) -> Any:
+    """An expression in which a memory selects, in the place of a switch."""
+    return e.replace(Select, lambda lam, a, b: sp.Piecewise((a, lam > 0), (b, True), evaluate=False))
+
+
+def _switched(model: Model) -> Model:
+    """The same for a plain model, or for that of one element."""
+    model = replace(model, outputs=(), events=tuple(filter(_watched, model.events)))
     for mu in model.multipliers:
         if mu.kind != "switch" or mu.regularity == "sliding":
             kinds = {"switch": "can slide (stick)", "disc": "is a disc", "contact": "is a contact"}
-            what = kinds.get(mu.kind, "is an algebraic unknown")
+            what = f"{named(str(mu.symbol), 0)} {kinds.get(mu.kind, 'is an algebraic unknown')}"
             raise ValueError(
-                f"`method` is 'stiff', but {mu.symbol} {what}; stiff steps know switches that the motion only passes. "
-                "Use 'auto', or the smoothed view."
+                f"`method` is 'stiff', but {what}; stiff steps know switches that the motion only passes. Use 'auto', "
+                "or the smoothed view."
             )
     first = len(model.states)
     events = tuple(
@@ -72,21 +102,18 @@ def switched_by_events(model: Model) -> Model:
     )
     widths = [strip(mu, model) for mu in model.multipliers]
 
-    def selecting(e: Any) -> Any:
-        return e.replace(Select, lambda lam, a, b: sp.Piecewise((a, lam > 0), (b, True), evaluate=False))
-
     def selected(event: EventSpec) -> EventSpec:
         return replace(
             event,
-            surface=None if event.surface is None else selecting(event.surface),
-            when=selecting(event.when),
-            update=tuple((i, selecting(value)) for i, value in event.update),
+            surface=None if event.surface is None else _selecting(event.surface),
+            when=_selecting(event.when),
+            update=tuple((i, _selecting(value)) for i, value in event.update),
         )
 
     return replace(
         model,
         states=(*model.states, *(mu.symbol for mu in model.multipliers)),
-        rhs=(*map(selecting, model.rhs), *(sp.Integer(0) for _ in events)),
+        rhs=(*map(_selecting, model.rhs), *(sp.Integer(0) for _ in events)),
         multipliers=(),
         events=tuple(map(selected, (*model.events, *events))),
         smoothing=tuple(

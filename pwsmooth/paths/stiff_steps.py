@@ -146,7 +146,8 @@ def integrate(
         raise ValueError("`method='taylor'` needs a recurrence for every function of the model; use 'auto'.")
     t0, t1 = map(float, t_span)
     rtol = min(float(rtol), LOOSEST_RTOL)
-    inside = dense or t_eval is not None or any(e.surface is not None and not e.singular for e in model.events)
+    kinds = model.events if model.families is None else model.families.of_events()
+    inside = dense or t_eval is not None or any(e.surface is not None and not e.singular for e in kinds)
     order, K, rtol_radau, rtol_taylor = internal_tolerances(rtol, method, inside or not compiled.smooth)
 
     p = np.ascontiguousarray(p, float)
@@ -176,12 +177,12 @@ def integrate(
     run.x[:] = x0
     run.power[:] = 1.0 / (1.0 + np.arange(compiled.unknowns))
     if model.events:
-        run.direction[:] = [event.direction for event in model.events]
-        run.stops[:] = [event.terminal or bool(event.singular) for event in model.events]
+        run.direction[:] = [event.direction for event in kinds]
+        run.stops[:] = [event.terminal or bool(event.singular) for event in kinds]
         run.remembers[:] = -1 if remembers is None else remembers
         run.carried[:] = [
             TIMED if event.surface is None else ALWAYS if own >= 0 else SILENT if event.singular else PLAIN
-            for event, own in zip(model.events, run.remembers)
+            for event, own in zip(kinds, run.remembers)
         ]
 
     pieces, polynomials, events = [(np.array([t0]), run.x[None].copy())], [], []

@@ -116,6 +116,7 @@ class FamilyStiff(FamilyFields):
         if watched:
             self._lanes(source, "watch8", "t, x, p, e", "e", starts(lay.events), lay.events, watched)
             self._act(source)
+            source.constants["WATCHED"] = tuple(tuple(graph.places(a, "x")) for a in watched)
         source.constants |= {
             "SIZES": len(lay.sizes()),
             "LAYER_STATES": tuple(states.index(h) if h in states else -1 for h in self.layers),
@@ -236,6 +237,7 @@ def _numbers(model: Model, codes) -> dict:
         count, _, row, _ = numeric_rows(program, layers, sizes)
         fixed, *each = program["SCRATCH"]
         length = STRIDE * count + fixed + sum(a * size for a, size in zip(each, sizes, strict=True))
+    ends, watched = sparse_pattern(constants.get("WATCHED", ()), lay.events, lay.states, sizes, of)
     return {
         "n_hoisted": 0,
         "rows_length": length,
@@ -244,7 +246,25 @@ def _numbers(model: Model, codes) -> dict:
         "slopes": sparse_pattern(constants.get("SLOPE_ROWS", ()), layers, lay.states, sizes, of),
         "surface_state": np.concatenate([np.zeros(0, np.int64), *state]).astype(np.int64),
         "surface_row": np.array(row, np.int64),
+        "read": np.unique(watched),
+        "group": _groups(n, ends, watched),
         "slots": 0,
         "written_out": False,
         "smooth": bool(constants["SMOOTH"]),
     }
+
+
+def _groups(n: int, ends: np.ndarray, states: np.ndarray) -> np.ndarray:
+    """A number for each of n states, such that no two states of one surface have the same: the surfaces of the events
+    are `states[ends[j] : ends[j + 1]]`."""
+    surfaces: list[list[int]] = [[] for _ in range(n)]
+    for j, (first, last) in enumerate(zip(ends, ends[1:])):
+        for i in states[first:last]:
+            surfaces[i].append(j)
+    taken: list[set[int]] = [set() for _ in range(len(ends) - 1)]
+    group = np.zeros(n, np.int64)
+    for i, where in enumerate(surfaces):
+        group[i] = next(k for k in range(n) if not any(k in taken[j] for j in where))
+        for j in where:
+            taken[j].add(int(group[i]))
+    return group

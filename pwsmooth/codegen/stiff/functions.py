@@ -56,6 +56,8 @@ class CompiledStiff:
     slopes: tuple[np.ndarray, np.ndarray]  # where each surface's gradient begins, and the states of its entries
     surface_state: np.ndarray  # state index of each surface that is one, else -1
     surface_row: np.ndarray  # its row in `taylor`
+    read: np.ndarray  # states that surfaces of events read
+    group: np.ndarray  # of every state: no two of one group stand in the surface of one event
     elimination: np.ndarray  # the plan of it; empty where `factor` and `solve` are written out
     eliminated: int  # numbers that an elimination keeps
     written_out: bool  # whether attempts are written out
@@ -141,6 +143,8 @@ def _numbers(model: Model, constants) -> dict:
         "slopes": (np.cumsum([0, *map(len, states)]), np.array([i for row in states for i in row], np.int64)),
         "surface_state": np.array(constants["SURFACE_STATE"], np.int64),
         "surface_row": np.array(constants["SURFACE_ROW"], np.int64),
+        "read": np.arange(n),
+        "group": np.arange(n),
         "slots": constants["N_SLOTS"],
         "written_out": bool(constants["WRITTEN_OUT"]),
         "smooth": bool(constants["SMOOTH"]),

@@ -35,7 +35,8 @@ def sample(s, coefficients, degree, t, h, a, b):
     """Overwrites values[8 j + k] with surface j at the points a + (b - a) k/7 of the step."""
     theta = load8(POINTS, 0) * (b - a) + a
     store8(s.t8, 0, theta * h + t)
-    for i in range(s.n):
+    for r in range(s.reads):
+        i = s.read[r]
         row = 17 * i
         v = splat8(coefficients[row + degree])
         for k in range(degree - 1, -1, -1):
@@ -54,7 +55,7 @@ def _look(s, t, x, before):
     """Overwrites level with the surfaces at (t, x), and rounding with what the last digits of x and `before` make of
     them."""
     n = s.n
-    for first in range(0, n, 8):
+    for first in range(0, s.groups, 8):
         for q in range(8):
             s.t8[q] = t
         for i in range(n):
@@ -64,11 +65,13 @@ def _look(s, t, x, before):
             call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
             for j in range(s.e):
                 s.level[j], s.rounding[j] = s.values[8 * j], 0.0
-        for i in range(first, min(first + 8, n)):
-            s.X[8 * i + i - first] += DIGITS * (abs(x[i]) + abs(before[i]))
+        for i in range(n):
+            q = s.group[i] - first
+            if 0 <= q and q < 8:
+                s.X[8 * i + q] += DIGITS * (abs(x[i]) + abs(before[i]))
         call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
         for j in range(s.e):
-            for q in range(min(8, n - first)):
+            for q in range(min(8, s.groups - first)):
                 s.rounding[j] += abs(s.values[8 * j + q] - s.level[j])
 
 

@@ -26,6 +26,8 @@ class Core(Bundle):
     e: "int"
     unknowns: "int"  # of implicit steps: the states, then sums over elements
     entries: "int"  # of J
+    reads: "int"  # states that surfaces of events read
+    groups: "int"  # of states, no two of which stand in one event's surface
     rows_length: "int"  # of `rows`: numbers of one expansion
     capacity: "int"  # points that the output holds
     room: "int"  # event records that it holds
@@ -88,6 +90,8 @@ class Core(Bundle):
     J_column: "i8*[entries]"
     elimination: "i8*[:]"  # the plan of sparse.py, where no code eliminates
     jumped: "int"  # from here to `left` as kernels/firing.py says
+    read: "i8*[:]"  # these states
+    group: "i8*[n]"  # of every state
     direction: "i8*[e]"
     carried: "i8*[e]"
     due: "i8*[e]"
