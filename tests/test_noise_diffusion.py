@@ -9,7 +9,19 @@ import pytest
 import sympy as sp
 from scipy.integrate import quad
 
-from pwsmooth import Algebraic, Diffusion, Event, Memory, Outcome, Switch, System, Unilateral, ensemble, solve
+from pwsmooth import (
+    Algebraic,
+    Diffusion,
+    Event,
+    Family,
+    Memory,
+    Outcome,
+    Switch,
+    System,
+    Unilateral,
+    ensemble,
+    solve,
+)
 
 t, x, y, v, w, z = sp.symbols("t x y v w z", real=True)
 lam = Switch("lam", v)
@@ -388,3 +400,22 @@ def test_a_blow_up_is_an_outcome_with_the_path_so_far():
     assert solve(System({x: -x}), (0, 4), {x: 3}, noise=Diffusion({x: 1}, 1 / 8), max_steps=7).outcome is (
         Outcome.TOO_MANY_STEPS
     )
+
+
+def test_a_member_of_a_family_stands_for_the_states_of_all_elements():
+    n = 6
+    family = Family(n, periodic=True)
+    (x,) = family.symbols("x")
+    (D,) = family.symbols("D", positive=True)
+    values = np.linspace(0.1, 0.6, n)
+    ring = System({x: family.neighbour(x, 1) - (2 + D) * x}, parameters={D: values.tolist()})
+    own = solve(ring, (0, 1), {x: 0}, noise=Diffusion({x: D**2}, step=1 / 64, seed=4))
+    each = {f"x_{k + 1}": values[k] ** 2 for k in range(n)}
+    written = solve(ring, (0, 1), {x: 0}, noise=Diffusion(each, step=1 / 64, seed=4))
+    assert np.allclose(own.x, written.x, rtol=0, atol=1e-13) and np.abs(own.x[:, -1]).min() > 1e-6
+    # One source that is named drives all alike.
+    common, alike = Diffusion({x: {"all": 0.3}}, step=1 / 64, seed=4), {"D": 0.2}
+    end = solve(ring, (0, 1), {x: 0}, noise=common, parameters=alike).x[:, -1]
+    assert np.ptp(end) < 1e-14 and abs(end[0]) > 1e-3
+    with pytest.raises(ValueError, match="outside of its rates take a sum"):
+        solve(ring, (0, 1), {x: 0}, noise=Diffusion({"x_1": D}, step=1 / 64))

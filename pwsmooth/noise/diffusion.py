@@ -10,7 +10,7 @@ Chain: solve, ensemble -> diffusion_run.py -> **this file** (symbols) -> kernels
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -18,6 +18,7 @@ import sympy as sp
 
 from ..definition import checks
 from ..definition.discs import discs_of
+from ..definition.expansion import Expansion
 from ..definition.model import Held, Model, Multiplier
 from ..definition.pointwise import draw, value
 from ..definition.views import substitutes
@@ -36,7 +37,9 @@ class Diffusion:
     amplitude : mapping or Matrix
         State -> expression: each such state has a source of its own. State -> {source name: expression}: sources
         may be shared. A Matrix has one row a state, one column a source. Expressions in states, time, parameters
-        and, of a smoothed view, switches; unit: that of the state over the root of time.
+        and, of a smoothed view, switches; unit: that of the state over the root of time. The member of a `Family`
+        stands for the states of all elements, each with a source of its own unless that is named, and its expression
+        for that of each element.
     step : float, in units of time
         The interval of time, > 0, on whose multiples the path is given, and the longest step: short against the times
         over which the drift varies. Steps are halves, quarters, ... of it where the drift is faster, and beside
@@ -133,13 +136,17 @@ class Diffusion:
             return [checks.expression(e, "`amplitude`, an entry") for e in self.amplitude]
         return [e for row in self.amplitude.values() for e in row.values()]
 
-    def entries(self, states: list[sp.Symbol]) -> list[tuple[int, str, sp.Expr]]:
+    def entries(
+        self, states: list[sp.Symbol], groups: Mapping[str, Sequence[str]] | None = None
+    ) -> list[tuple[int, str, sp.Expr]]:
         """The entries of the amplitude that are not 0.
 
         Parameters
         ----------
         states : list of Symbol
             States of the view, in order.
+        groups : mapping of str to sequence of str, optional
+            Names of a family's member in all elements.
 
         Returns
         -------
@@ -160,10 +167,15 @@ class Diffusion:
             rows, columns = self.amplitude.shape
             found = [(i, f"source {k + 1}", self.amplitude[i, k]) for i in range(rows) for k in range(columns)]
         else:
-            found = []
+            found, written = [], Expansion()
             for name, sources in self.amplitude.items():
-                state = checks.lookup(name, states, "`amplitude`", "state")
-                found += [(states.index(state), source, e) for source, e in sources.items()]
+                members = (groups or {}).get(name)
+                for k, own in enumerate(members or (name,)):
+                    i = states.index(checks.lookup(own, states, "`amplitude`", "state"))
+                    found += [
+                        (i, own if source == name else source, written.element(e, k if members else None))
+                        for source, e in sources.items()
+                    ]
         return [entry for entry in found if not entry[2].is_zero]
 
     def __str__(self) -> str:

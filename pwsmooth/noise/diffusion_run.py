@@ -48,7 +48,7 @@ class DiffusionRun:
         extra = {own[name]: value for name, value in noise.parameters.items()}
         values = {**system.parameters, **extra}
         states = list(model.states)
-        entries, numbers = split(noise.entries(states), named, values, lift=True)
+        entries, numbers = split(noise.entries(states, system.groups), named, values, lift=True)
         for i, _, _ in entries:
             if i >= len(states) - model.n_memory:
                 raise ValueError(
@@ -65,7 +65,7 @@ class DiffusionRun:
             fits = False
         if not fits:
             # Keep the numbers in place: terms may cancel only with their values.
-            entries, numbers = split(noise.entries(states), named, values, lift=False)
+            entries, numbers = split(noise.entries(states, system.groups), named, values, lift=False)
             lowered = lower(model, entries, used, noise.convention)
         self.lowered = lowered
         self.values = {**values, **numbers, NEAREST: noise.step / 2 ** (noise.level + noise.finest)}
@@ -168,9 +168,9 @@ class Path(EventDriven):
     def __init__(self, run: DiffusionRun, max_steps, strict):
         view, noise = run._view, run.noise
         n = len(view.model.states)
-        super().__init__(
-            view.model, Options("auto", 1e-9, np.full(n, 1e-12), False, math.inf, max_steps, None, strict)
-        )
+        options = Options("auto", 1e-9, np.full(n, 1e-12), False, math.inf, max_steps, None, strict)
+        # Where nothing switches, none of the event-driven run's own steps is ever taken.
+        super().__init__(view.model, options, series=bool(view.model.multipliers or view.model.events))
         self.owner = run
         self.problem = _free(self.parts.new_problem(np.array(view.parameter_values, float)), run.lowered)
         self.tolerances = _steps(noise)

@@ -161,12 +161,12 @@ class EventDriven:
     Nothing of a run stays in them that the next one would see.
     """
 
-    def __init__(self, model: Model, options: Options):
+    def __init__(self, model: Model, options: Options, series: bool = True):
         from ..codegen.machine.units import METHODS, trajectory_loop
 
         self.model, self.dense = model, options.dense
         self.loop = trajectory_loop()
-        self.parts = parts = compiled_problem(model)
+        self.parts = parts = compiled_problem(model) if series else compiled_problem(model, False)
         # A tape is played again by series; where an argument of a root comes to 0 there is none.
         self.by_series = parts.has_jets and not parts.singular
         self.tape = options.tape and parts.has_jets

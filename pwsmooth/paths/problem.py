@@ -28,9 +28,12 @@ FEW = 3  # elements that tell what holds for one
 
 
 class CompiledProblem:
-    """What of a Problem does not depend on parameter values; made once a model and process."""
+    """What of a Problem does not depend on parameter values; made once a model and process.
 
-    def __init__(self, model: Model):
+    Without `series` no program of Taylor coefficients is made.
+    """
+
+    def __init__(self, model: Model, series: bool = True):
         self.model, self._scratch = model, threading.local()
         if model.families and model.families.template.levels and max(model.families.sizes) > FEW:
             raise ValueError(
@@ -39,7 +42,7 @@ class CompiledProblem:
                 "written out."
             )
         code = self.code = compile_model(model)
-        self.has_jets = code.has_jets
+        self.has_jets = series and code.has_jets
         # With families the text is that of one element, and `_numbers` writes what holds for it out.
         self._families = families = model.families
         self._text = text = families.template.model if families else model
@@ -162,6 +165,7 @@ class CompiledProblem:
         n, m, ne = code.n, code.m, code.ne
         slides = bool(m) and bool(np.any((self.kind != state.KINK) & (self.kind != state.CROSSING)))
         empty = np.zeros(0, np.int64)
+        flat_slip = code.flat_rows_slip if self.has_jets else empty
         flat_general = code.flat_rows_general if slides else empty
 
         def looks(moving, flat):
@@ -172,16 +176,16 @@ class CompiledProblem:
             linear=code.linear,
             act=code.act if ne or np.any(self.kind == state.CONTACT) else 0,
             layer=code.layer if self.ratios else 0,
-            jet_slip=code.jet_slip,
+            jet_slip=code.jet_slip if self.has_jets else 0,
             jet_general=code.jet_general if slides else 0,
             jet_fold=fold.jet_general if fold else 0,
             fields_fold=fold.fields if fold else 0,
             linear_fold=fold.linear if fold else 0,
-            look_slip=looks(set(text.states), code.flat_rows_slip),
+            look_slip=looks(set(text.states), flat_slip),
             look_general=looks({*text.states, *(mu.symbol for mu in text.multipliers)}, flat_general),
             rows_slip=code.surface_rows_slip if self.has_jets else np.where(has_surface, 0, -1),
             rows_general=code.surface_rows_general if slides else empty,
-            flat_slip=code.flat_rows_slip,
+            flat_slip=flat_slip,
             flat_general=flat_general,
             flat_fold=fold.flat_rows_general if fold else empty,
             # The fold program's first multiplier is dt/ds; the model's own surfaces follow.
@@ -192,7 +196,8 @@ class CompiledProblem:
             sigmoid=self.sigmoid.fields,
         )
         # The rows of all programs, one over the other, and behind them what each keeps for itself.
-        programs = {"slip": code.nrows_slip, "general": code.nrows_general if slides else (0, 0),
+        programs = {"slip": code.nrows_slip if self.has_jets else (0, 0),
+                    "general": code.nrows_general if slides else (0, 0),
                     "fold": fold.nrows_general if fold else (0, 0)}  # fmt: skip
         self.nrows = max(n + 2 * m + ne, *(count for count, _ in programs.values()))
         for name, (_, own) in programs.items():
@@ -398,6 +403,6 @@ def _surface_state(model: Model, mu: Multiplier | EventSpec) -> int:
 
 
 @functools.lru_cache(maxsize=64)
-def compiled_problem(model: Model) -> CompiledProblem:
+def compiled_problem(model: Model, series: bool = True) -> CompiledProblem:
     """The compiled problem of a model; the last ones are kept. Its addresses live as long as the object."""
-    return CompiledProblem(model)
+    return CompiledProblem(model, series)
