@@ -12,6 +12,9 @@ bristles        a mass on n LuGre bristles: a sum in the equation of motion
 friction_chain  blocks on a belt coupled by springs: a switch an element that slides
 implicit        an algebraic unknown and a sliding switch an element, and an unknown of the whole
 
+With implicit steps: `friction_chain` in its smoothed view (eps = 1e-3), `bristles` with method="stiff"; `run` is the
+whole span at rtol 1e-7.
+
 Columns: `setup` from the equations to machine code, without the kernels, which all models share (processor time, no
 cache); `lines` of the generated text; `rhs` and `jet` (order 16) one call of the compiled function, the crossing from
 Python taken off (nothing stands where the call is lost in it); `step` a step without an event (short steps over a
@@ -35,10 +38,12 @@ from family_models import MODELS, t, template_from
 from pwsmooth import System, solve
 from pwsmooth.codegen import compile_model
 from pwsmooth.codegen.families.fields import FamilyFields
-from pwsmooth.codegen.families.jets import write_family_jets
+from pwsmooth.codegen.families.writing import write_family_jets
 from pwsmooth.codegen.fields import write_fields
-from pwsmooth.codegen.machine import native
+from pwsmooth.codegen.machine import native, vectors
+from pwsmooth.codegen.stiff import elements, functions
 from pwsmooth.codegen.taylor.jets import write_jets
+from pwsmooth.paths.stiff_events import switched_by_events
 
 NAMES = ("slip_stick", "clipped", "bristles", "friction_chain", "implicit")
 ORDER, SHORT, STEPS = 16, 1e-6, 400
@@ -135,6 +140,31 @@ def measure(name, n, rounds, copies=False):
     }  # fmt: skip
 
 
+def implicit_steps(name, n, rounds, copies=False):
+    """Set-up and run of a model with implicit steps, without a cache."""
+    with template_from(10**9 if copies else 1):
+        begin = time.process_time()
+        arguments, start, span = MODELS[name](n)
+        system = System(**({"time": t} | arguments))
+        system, method = (system.smoothed(1e-3), "auto") if name == "friction_chain" else (system, "stiff")
+        model = switched_by_events(system.model) if method == "stiff" else system.model
+        looped = model.families is not None
+        vectors.build(elements.FamilyStiff(model).texts()["stiff"] if looped else functions.stiff_text(model))
+        spent = time.process_time() - begin
+        options = dict(method=method, rtol=1e-7)
+        solve(system, span, start, **options)
+        taken = []
+        for _ in range(rounds):
+            begin = time.process_time()
+            full = solve(system, span, start, **options)
+            taken.append(time.process_time() - begin)
+    return {
+        "model": name, "n": n, "form": "written out" if model.families is None else "looped", "setup (s)": spent,
+        "run (ms)": 1e3 * statistics.median(taken), "steps": full.cost["steps"], "events": full.cost["events"],
+        "outcome": full.outcome.name,
+    }  # fmt: skip
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--n", type=int, nargs="+", default=[10, 100, 1000])
@@ -153,6 +183,17 @@ def main():
             print(f"{name:16}{n:6d} {'copies' if copies else 'looped':8}{r['setup']:9.3f}{r['lines']:7d}"
                   f"{1e9 * r['rhs'] / n:10.2f}{1e6 * r['jet'] / n:10.3f}{1e6 * r['step'] / n:11.3f}"
                   f"{1e3 * r['period']:11.2f}{r['steps']:7d}{r['events']:8d}", flush=True)  # fmt: skip
+    print(f"\n{'implicit steps':16}{'n':>6} {'form':12}{'setup s':>9}{'run ms':>11}{'steps':>7}{'events':>8}")
+    implicit = []
+    for name in ("friction_chain", "bristles"):
+        for n, copies in [
+            *((n, False) for n in arguments.n if n < 1000),
+            *((n, True) for n in arguments.copies),
+        ]:
+            r = implicit_steps(name, n, arguments.rounds, copies)
+            implicit.append(r)
+            print(f"{name:16}{n:6d} {r['form']:12}{r['setup (s)']:9.3f}{r['run (ms)']:11.2f}{r['steps']:7d}"
+                  f"{r['events']:8d}", flush=True)  # fmt: skip
     if arguments.out:
         rows = [
             {
@@ -164,7 +205,10 @@ def main():
             }
             for r in results
         ]  # fmt: skip
-        write_json(arguments.out, {"options": vars(arguments), "provenance": provenance(), "results": rows})
+        write_json(
+            arguments.out,
+            {"options": vars(arguments), "provenance": provenance(), "results": rows, "implicit": implicit},
+        )
 
 
 if __name__ == "__main__":

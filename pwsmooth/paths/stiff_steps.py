@@ -27,8 +27,6 @@ METHODS = ("auto", "radau5", "radau9", "radau13", "taylor")
 SCIPY_METHODS = ("Radau", "BDF", "LSODA", "DOP853")
 # Looser tolerances were seen to step over layers in spite of the gate.
 LOOSEST_RTOL = 1e-3
-# Time of a Radau step over time of a Taylor step: straight code, and loops over the elements of a family.
-_BARGAIN, _OF_FAMILIES = 1.5, 0.6
 _CHUNK = 4096  # steps between two looks at the keyboard
 # Of the span, in stiff_loop.STALL attempts: at a slower pace the end is 10^10 attempts away.
 _LEAST_ADVANCE = 1e-6
@@ -102,7 +100,8 @@ def integrate(
     spending : Budget, optional
         Attempted steps before the run stops with TOO_MANY_STEPS, and its seconds.
     method : {"auto", "radau5", "radau9", "radau13", "taylor"}
-        "auto" chooses the order by the tolerance and takes Taylor steps where the motion is not stiff.
+        "auto" chooses the order by the tolerance and takes Taylor steps where the motion is not stiff. Not of a family:
+        in loops over elements a Taylor step takes as long as an implicit one.
     dense : bool
         Keep the polynomial of every step.
     t_eval : array_like, optional
@@ -141,6 +140,8 @@ def integrate(
     chunk, units = stiff_loop()
     spending = spending or opened()
     compiled = codegen.compile_stiff(model)
+    if method == "taylor":
+        compiled = compiled.with_taylor()
     has_taylor = compiled.address[codegen.NAMES.index("taylor")] != 0
     if method == "taylor" and not has_taylor:
         raise ValueError("`method='taylor'` needs a recurrence for every function of the model; use 'auto'.")
@@ -170,7 +171,6 @@ def integrate(
         # A tenth of the span: a seat belt, not what protects the layers.
         h_max=min(max_step, 0.1 * (t1 - t0)), mark=t0, least_advance=_LEAST_ADVANCE * (t1 - t0),
         kappa=min(0.03, 10.0 * math.sqrt(rtol_radau)),
-        bargain=_BARGAIN if model.families is None else _OF_FAMILIES,
         mode=S.TAYLOR if taylor else S.RADAU, first=2, steps_left=0 if spending.late() else spending.left,
     )  # fmt: skip
     run.atol[:] = np.multiply(atol, rtol_radau / rtol)

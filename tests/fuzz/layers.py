@@ -142,7 +142,7 @@ class Functions:
     """The generated functions of a view, called at one point and at eight."""
 
     def __init__(self, view):
-        self.of = functions.compile_stiff(view.model)
+        self.of = functions.compile_stiff(view.model).with_taylor()
         self.p = np.array(view.parameter_values, float)
 
     def call(self, name, *arguments):

@@ -183,7 +183,7 @@ class FamilyTaylor(FamilyJet):
         body.line(f"scratch = ({self.layout.row_text(rows)}) * stride")
 
 
-def _taylor_text(model: Model) -> dict[str, str]:
+def taylor_text(model: Model) -> dict[str, str]:
     """The text of `taylor`; none where a recurrence is missing, or with branches that depend on the motion."""
     try:
         jet = FamilyTaylor(model)
@@ -195,25 +195,35 @@ def _taylor_text(model: Model) -> dict[str, str]:
 
 
 def load(model: Model):
-    """(addresses by name, loaded codes, what CompiledStiff holds) of a model with families."""
-    from ..machine import native, vectors
+    """(loaded code, what CompiledStiff holds) of a model with families."""
+    from ..machine import vectors
 
     families = model.families
-    key = cache.fingerprint(families.template)
-    texts = cache.cached_texts(f"stiff{key}", lambda: FamilyStiff(model).texts() | _taylor_text(model))
-    tables = all_tables(model)
-    codes = {"stiff": vectors.load(texts["stiff"], families.sizes, tables)}
-    if "taylor" in texts:
-        codes["taylor"] = native.load(texts["taylor"], families.sizes, tables)
-
-    def address(name: str) -> int:
-        return codes.get(name, codes["stiff"]).address(name)
-
-    return address, codes, _numbers(model, codes)
+    key = f"stiff{cache.fingerprint(families.template)}"
+    texts = cache.cached_texts(key, lambda: FamilyStiff(model).texts())
+    code = vectors.load(texts["stiff"], families.sizes, all_tables(model))
+    return code, _numbers(model, code.constants)
 
 
-def _numbers(model: Model, codes) -> dict:
-    families, constants = model.families, codes["stiff"].constants
+def load_taylor(model: Model):
+    """(loaded code, numbers that it writes, the row of each surface) of `taylor`; None where there is none."""
+    from ..machine import native
+
+    families = model.families
+    texts = cache.cached_texts(
+        f"stiff{cache.fingerprint(families.template)}-taylor", lambda: taylor_text(model)
+    )
+    if not texts:
+        return None
+    code = native.load(texts["taylor"], families.sizes, all_tables(model))
+    count, _, row, _ = numeric_rows(code.constants, families.template.families("smoothing"), families.sizes)
+    fixed, *each = code.constants["SCRATCH"]
+    scratch = fixed + sum(a * size for a, size in zip(each, families.sizes, strict=True))
+    return code, STRIDE * count + scratch, np.array(row, np.int64)
+
+
+def _numbers(model: Model, constants) -> dict:
+    families = model.families
     lay, sizes, of = Layout(families.template), families.sizes, families.neighbours
     n = len(model.states)
     columns = (*lay.states, *(None for _ in constants["SUM_FAMILIES"]))
@@ -231,21 +241,15 @@ def _numbers(model: Model, codes) -> dict:
         first[b] + np.arange(one(f).at(sizes)) if b >= 0 else np.full(one(f).at(sizes), -1)
         for b, f in zip(constants["LAYER_STATES"], layers, strict=True)
     ]
-    length, row = 0, [-1] * len(model.smoothing)
-    if "taylor" in codes:
-        program = codes["taylor"].constants
-        count, _, row, _ = numeric_rows(program, layers, sizes)
-        fixed, *each = program["SCRATCH"]
-        length = STRIDE * count + fixed + sum(a * size for a, size in zip(each, sizes, strict=True))
     ends, watched = sparse_pattern(constants.get("WATCHED", ()), lay.events, lay.states, sizes, of)
     return {
         "n_hoisted": 0,
-        "rows_length": length,
+        "rows_length": 0,
         "unknowns": n + len(constants["SUM_FAMILIES"]),
         "pattern": (np.concatenate(rows).astype(np.int64), np.concatenate(entries).astype(np.int64)),
         "slopes": sparse_pattern(constants.get("SLOPE_ROWS", ()), layers, lay.states, sizes, of),
         "surface_state": np.concatenate([np.zeros(0, np.int64), *state]).astype(np.int64),
-        "surface_row": np.array(row, np.int64),
+        "surface_row": np.full(len(model.smoothing), -1),
         "read": np.unique(watched),
         "group": _groups(n, ends, watched),
         "slots": 0,

@@ -19,7 +19,7 @@ Chain: Model (with `smoothing`, without multipliers) -> text -> machine/vectors.
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import sympy as sp
@@ -72,6 +72,22 @@ class CompiledStiff:
         own, through, along, sums = whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:]
         return own + through @ np.linalg.solve(np.eye(size - n) - sums, along) if size > n else own
 
+    def with_taylor(self) -> CompiledStiff:
+        """The same with `taylor`, which of a family is made when it is asked for."""
+        if self.model.families is None:
+            return self
+        if "taylor" not in self.codes:
+            from .elements import load_taylor
+
+            self.codes["taylor"] = load_taylor(self.model)
+        found = self.codes["taylor"]
+        if found is None:
+            return self
+        code, length, row = found
+        address = self.address.copy()
+        address[NAMES.index("taylor")] = code.address("taylor")
+        return replace(self, address=address, rows_length=length, surface_row=row)
+
     def radau(self, order: int) -> int:
         """Address of the attempt at a step of order 5, 9 or 13 (`order` 0, 1, 2), compiled when first asked for."""
         if not self.written_out:
@@ -111,17 +127,17 @@ def compile_stiff(model: Model) -> CompiledStiff:
     if model.families is not None:
         from .elements import load
 
-        address, codes, numbers = load(model)
+        code, numbers = load(model)
     else:
         texts = cache.cached_texts(f"stiff{cache.fingerprint(model)}", lambda: {"stiff": stiff_text(model)})
         code = _machine_code(texts["stiff"], model)
-        address, codes, numbers = code.address, {"functions": code}, _numbers(model, code.constants)
+        numbers = _numbers(model, code.constants)
     n, size, slots = len(model.states), numbers["unknowns"], numbers.pop("slots")
     eliminates = np.zeros(0, np.int64) if slots or not n else plan(n, size, *numbers["pattern"])
     return CompiledStiff(
-        model, np.array([address(name) for name in NAMES], dtype=np.int64), n, len(model.smoothing),
+        model, np.array([code.address(name) for name in NAMES], dtype=np.int64), n, len(model.smoothing),
         len(model.events), **numbers, elimination=eliminates,
-        eliminated=8 * slots if slots or not n else length(eliminates), codes=codes,
+        eliminated=8 * slots if slots or not n else length(eliminates), codes={"functions": code},
     )  # fmt: skip
 
 

@@ -30,6 +30,7 @@ from pwsmooth.kernels.stiff.radau import step_polynomial
 from pwsmooth.kernels.stiff.step import radau_step
 
 TO_TAYLOR, TO_RADAU = 10.0, 3.0
+BARGAIN = 1.5  # time of a Radau step over time of a Taylor step
 PATIENCE = 4  # Radau steps before Taylor is asked again
 STALL = 8192  # attempts within which the time must advance by LEAST_ADVANCE
 
@@ -102,7 +103,7 @@ def _choose_method(s):
             look(s.adr, s.q, s.t, s.x, s.p, s.surface_state, s.surf)
             set_weights(s, s.rtol_taylor)
             call_taylor_unit(s.adr[TAYLOR_UNIT], s, S.REACH_ONLY)
-            if s.bargain * s.reach > s.h:
+            if BARGAIN * s.reach > s.h:
                 s.mode = S.TAYLOR
                 s.stiff_steps = 0
                 s.h = s.h_max

@@ -44,7 +44,6 @@ class Core(Bundle):
     rtol_taylor: "float"
     h_max: "float"
     kappa: "float"  # rest of Newton's iteration, in units of the tolerance
-    bargain: "float"  # time of a Radau step over time of a Taylor step
     least_advance: "float"  # of time, in as many attempts as tell a stall
     t: "float"
     h: "float"  # of the next attempt; 0: found by the loop
