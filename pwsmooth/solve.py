@@ -196,6 +196,9 @@ def solve(
     stiff = method == "stiff" and not smoothed
     threads = checks.optional(checks.integer(1))(threads, "`threads`")
     spending = opened(max_steps, max_seconds)
+    if local and (diffuses or smoothed or stiff):
+        what = "a diffusion" if diffuses else "a smoothed view" if smoothed else "method='stiff'"
+        raise ValueError(f"`local` is True, but {what} is a run of the whole system; leave it out.")
     if not (diffuses or smoothed or stiff):
         rows = with_respect_to is not None
         taped = rows or (dense_output and model.families is None)

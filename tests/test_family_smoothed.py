@@ -139,6 +139,13 @@ def test_scipys_solvers_kicks_and_samples_take_it():
     assert np.abs(runs[0] - runs[1]).max() < 1e-7
 
 
+def test_implicit_steps_and_noise_are_of_the_whole_system():
+    system, start = train(9)
+    for view, options in ((system.smoothed(1e-2), {}), (bristles(9)[0], {"method": "stiff"})):
+        with pytest.raises(ValueError, match="a run of the whole system; leave it out"):
+            solve(view, (0, 1), start, local=True, **options)
+
+
 def test_setting_up_does_not_grow_with_the_number_of_elements():
     # As a count of what is derived, not as a time: the expressions are those of one element.
     before = time.process_time()

@@ -204,14 +204,13 @@ def at_points(views, one, r):
     series, expected = ours.taylor(float(t8[0]), x), theirs.taylor(float(t8[0]), np.ascontiguousarray(x[order]))
     if series is None or expected is None:
         return None
-    beside = ours.taylor(float(t8[0]), x * (1 + 1e-15 * r.uniform(-1, 1, len(x))))  # what rounding makes of it
-    size = np.abs(expected[0]).max(axis=0)
+    expected, found = expected[0], series[0][order]
+    beside = [ours.taylor(float(t8[0]), x * (1 + 1e-15 * r.uniform(-1, 1, len(x))))[0][order] for _ in range(3)]
+    moved = np.max([np.abs(other - found).max(axis=0) for other in beside], axis=0)  # what rounding makes of it
+    error, size = np.abs(found - expected).max(axis=0), np.abs(expected).max(axis=0)
     orders = np.arange(1, ORDER + 1)
     # Far from a layer high orders are what cancellation leaves: they count on the way that they allow.
     reach = np.min((size[0] / np.maximum(size[1:], 1e-300)) ** (1 / orders))
-    moved, error = (
-        np.abs(a - b[order]).max(axis=0) for a, b in ((series[0][order], beside[0]), (expected[0], series[0]))
-    )
     scale = reach ** np.arange(ORDER + 1) / size[0]
     error, allowed = error * scale, BOUND + 1e3 * moved * scale
     return None if np.all(error <= allowed) else ("taylor", float(np.max(error)))
