@@ -140,10 +140,10 @@ def test_scipys_solvers_kicks_and_samples_take_it():
 
 
 def test_implicit_steps_and_noise_are_of_the_whole_system():
-    system, start = train(9)
-    for view, options in ((system.smoothed(1e-2), {}), (bristles(9)[0], {"method": "stiff"})):
+    (system, start), (stiff, begin) = train(9), bristles(9)
+    for view, x0, options in ((system.smoothed(1e-2), start, {}), (stiff, begin, {"method": "stiff"})):
         with pytest.raises(ValueError, match="a run of the whole system; leave it out"):
-            solve(view, (0, 1), start, local=True, **options)
+            solve(view, (0, 1), x0, local=True, **options)
 
 
 def test_setting_up_does_not_grow_with_the_number_of_elements():
