@@ -20,6 +20,7 @@ import copy
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -493,18 +494,17 @@ class System(DescribedSystem):
 
     def _written_out(self):
         """This system without a template: what is derived of a family's elements one by one needs them all."""
+        other = copy.copy(self)
+        other._by_element = False
         if self.model.families is None:
-            return self
+            return other if self._by_element and self.groups else self
         values = {p.name: value for p, value in self.parameters.items()}
         if self._view:
             if "written out" not in self._cache:
-                original = copy.copy(self._view.original._written_out())
-                original._by_element, original._cache = False, {}
-                self._cache["written out"] = original.smoothed(**self._view.arguments)
+                self._cache["written out"] = self._view.original._written_out().smoothed(**self._view.arguments)
             return self._cache["written out"].with_parameters(values)
         if "written out" not in self._cache:
             self._cache["written out"] = lower(self._field)
-        other = copy.copy(self)
         other._element, other._cache, other.model = None, {}, self._cache["written out"]
         other.parameters = {p: values[p.name] for p in self.definition.parameters}
         return other
@@ -581,6 +581,13 @@ class System(DescribedSystem):
                 field = replace(field, parameters=(*field.parameters, *width))
                 smooth, layers = smoothed(field, family, dict.fromkeys(lams, *width))
                 values = {lam: family.smooth(*layer) for (lam, _), layer in zip(field.switches, layers)}
+                left = iter(layers[len(values) :])
+                for disc in field.discs:
+                    surfaces, (eps, *_) = zip(*islice(left, len(disc.components)))
+                    values |= {
+                        lam: family.smooth_component(h, surfaces, eps)
+                        for lam, h in zip(disc.components, surfaces)
+                    }
                 return smooth, layers, values, family.key
 
             found = one_element.read(*self._arguments, smooth=smooth, widths=width)
@@ -751,6 +758,8 @@ class System(DescribedSystem):
 
 class FunctionSystem(System):
     """A System of functions: without formulas, and so without what needs them."""
+
+    _by_element = False
 
     def __init__(self, definition):
         self._element = definition

@@ -288,3 +288,14 @@ def test_memories_of_a_chain_and_of_a_ring_are_not_the_same():
         event = Event(v - 1, direction=1, update={v: 0, count: count + 1}, name="fire")
         found += [dict(event.update)[count].free_symbols.pop().family.periodic]
     assert found == [False, True]
+
+
+@pytest.mark.parametrize("make", [train, oscillators, pucks])
+def test_smoothed_switches_of_elements_are_outputs(make):
+    system, start = make(9)
+    view = system.smoothed(1e-2)
+    runs = [solve(v, (0, 2), start, rtol=1e-10, t_eval=[1.0, 2.0]) for v in (view, view._written_out())]
+    names = runs[1].outputs
+    assert len(names) >= 9 and set(runs[0].outputs) == set(names)
+    for name in names:
+        assert runs[0][name] == pytest.approx(runs[1][name], abs=1e-7)

@@ -311,6 +311,11 @@ def _template(field, smoothing=(), blended=(), sigmoid="algebraic", *, one):
             for e in field.events
         ),
     )
+    shown = []  # what the multipliers of a smoothed view have become can be looked at
+    for lam, e in dict(blended).items():
+        mark = MARK if family(e) is not None and MARK not in lam.name else ""
+        shown.append((lam.name + mark, e))
+    field = replace(field, outputs=(*field.outputs, *shown))
     event_families = []
     for event in (*field.events, *watch):
         parts = [e for e in (event.surface, event.when, *(e for _, e in event.update)) if e is not None]
