@@ -713,7 +713,7 @@ class System(DescribedSystem):
     def _fresh(self, name):
         """A parameter symbol of a name that the system does not use yet."""
         lams = () if self._element else self._lams  # those of elements bear the marks of elements
-        taken = {str(self.model.time), *map(str, lams)}
+        taken = {str(self.model.time), *map(str, lams), *self.groups}
         for named in (self.model.parameters, self.model.states):
             taken.update(named.blocks if isinstance(named, Symbols) else (s.name for s in named))
         while name in taken:

@@ -299,3 +299,12 @@ def test_smoothed_switches_of_elements_are_outputs(make):
     assert len(names) >= 9 and set(runs[0].outputs) == set(names)
     for name in names:
         assert runs[0][name] == pytest.approx(runs[1][name], abs=1e-7)
+
+
+def test_a_member_named_eps_keeps_its_name():
+    family = Family(8)
+    x, v = family.symbols("x v")
+    (eps,) = family.symbols("eps", positive=True)
+    view = System({x: v, v: -x - eps * sp.sign(v)}, parameters={eps: 0.3}).smoothed(1e-2)
+    assert view.model.families is not None and view.parameters[view.model.parameters[-1]] == 1e-2
+    assert [p.name for p in view.parameters][-2:] == ["eps_8", "eps_"]
