@@ -95,48 +95,51 @@ def step_polynomial(m, n, Z, x, coefficients):
 
 
 @kernel
-def factorise(adr, m, n, t, h, p, x, Z, predicted, J, mu, plan, lu, scratch):
+def factorise(s, t, h, predicted):
     """J at the predicted middle stage and the elimination of (mu/h) I - J; overwrites J, mu and lu."""
+    m = s.order
     middle = 1 + m
-    for i in range(n):
-        scratch[i] = x[i] + Z[8 * i + middle] if predicted else x[i]
-    call_point(adr[JACOBIAN], t + NODES[m, middle] * h, scratch, p, J)
-    store8(mu, 0, load8(MU, 8 * m) * (1.0 / h))
-    if adr[FACTOR] != 0:
-        call_factor(adr[FACTOR], J, mu, lu)
+    for i in range(s.n):
+        s.scratch[i] = s.x[i] + s.Z[8 * i + middle] if predicted else s.x[i]
+    call_point(s.adr[JACOBIAN], t + NODES[m, middle] * h, s.scratch, s.p, s.J)
+    store8(s.mu, 0, load8(MU, 8 * m) * (1.0 / h))
+    if s.adr[FACTOR] != 0:
+        call_factor(s.adr[FACTOR], s.J, s.mu, s.lu)
     else:
-        call_sparse_factor(adr[SPARSE_FACTOR], plan, J, mu, lu)
+        call_sparse_factor(s.adr[SPARSE_FACTOR], s.elimination, s.J, s.mu, s.lu)
 
 
 @kernel
-def _solve(adr, plan, lu, R):
-    if adr[SOLVE] != 0:
-        call_solve(adr[SOLVE], lu, R)
+def _solve(s):
+    """Overwrites R with the solutions."""
+    if s.adr[SOLVE] != 0:
+        call_solve(s.adr[SOLVE], s.lu, s.R)
     else:
-        call_sparse_solve(adr[SPARSE_SOLVE], plan, lu, R)
+        call_sparse_solve(s.adr[SPARSE_SOLVE], s.elimination, s.lu, s.R)
 
 
 @kernel
-def _iterate(adr, m, n, p, x, Z, W, X, F, R, t8, c8, mu, plan, lu, weight):
+def _iterate(s):
     """One Newton iteration for any n: overwrites Z, W, X, F and R, returns the norm of the increment."""
-    s = 3 + 2 * m
-    mr, mi = load4(mu, 0), load4(mu, 4)
+    m, n, x, Z, W, X, F, R, weight = s.order, s.n, s.x, s.Z, s.W, s.X, s.F, s.R, s.newton_weight
+    stages = 3 + 2 * m
+    mr, mi = load4(s.mu, 0), load4(s.mu, 4)
     for i in range(n):
         store8(X, 8 * i, load8(Z, 8 * i) + x[i])
-    call_rates8(adr[RATES8], t8, c8, X, p, F)
+    call_rates8(s.adr[RATES8], s.t8, s.hoisted, X, s.p, F)
     for i in range(n):
         v = splat8(0.0)
-        for l in range(s):
+        for l in range(stages):
             v = v + load8(TO_W, 64 * m + 8 * l) * F[8 * i + l]
         wr, wi = load4(W, 8 * i), load4(W, 8 * i + 4)
         store4(R, 8 * i, low4(v) - (mr * wr - mi * wi))
         store4(R, 8 * i + 4, high4(v) - (mr * wi + mi * wr))
-    _solve(adr, plan, lu, R)
+    _solve(s)
     largest = splat8(0.0)
     for i in range(n):
         store8(W, 8 * i, load8(W, 8 * i) + load8(R, 8 * i))
         v = splat8(0.0)
-        for q in range(s):
+        for q in range(stages):
             v = v + load8(TO_Z, 64 * m + 8 * q) * R[8 * i + WLANE[m, q]]
         store8(Z, 8 * i, load8(Z, 8 * i) + v)
         largest = vmax(largest, vabs(v) * weight[i])
@@ -144,17 +147,17 @@ def _iterate(adr, m, n, p, x, Z, W, X, F, R, t8, c8, mu, plan, lu, weight):
 
 
 @kernel
-def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, plan, lu, weight, kappa, eta):
+def newton(s, predicted, eta):
     """Solve the stages, overwriting Z; returns (converged, iterations, eta, theta).
 
     Converged when the estimated rest eta * |last increment| is below kappa, in units of the tolerance. `eta`
     at entry is the last step's: a good predictor may then need one iteration only.
     """
-    s = 3 + 2 * m
-    for i in range(n):
+    m, Z, W, kappa = s.order, s.Z, s.W, s.kappa
+    for i in range(s.n):
         if predicted:
             v = splat8(0.0)
-            for l in range(s):
+            for l in range(3 + 2 * m):
                 v = v + load8(TO_W, 64 * m + 8 * l) * Z[8 * i + l]
             store8(W, 8 * i, v)
         else:
@@ -162,7 +165,7 @@ def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, plan, lu, weig
             store8(Z, 8 * i, splat8(0.0))
     before, theta, rest = 0.0, 0.0, eta
     for it in range(MAX_NEWTON):
-        norm = _iterate(adr, m, n, p, x, Z, W, X, F, R, t8, c8, mu, plan, lu, weight)
+        norm = _iterate(s)
         if not norm < 1e300:
             return False, it + 1, rest, 2.0
         if it == 0:
@@ -186,44 +189,23 @@ def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, plan, lu, weig
 
 
 @kernel
-def embedded_error(adr, m, n, t, h, p, x, f0, Z, plan, lu, R, err, scratch, scratch2, again):
+def embedded_error(s, t, h, again):
     """Overwrites err; `again` filters it once more through f(t, x + err), against overestimates of stiff
     parts."""
+    m, n, Z, R = s.order, s.n, s.Z, s.R
     if again:
         for i in range(n):
-            scratch[i] = x[i] + err[i]
-        call_point(adr[RATES1], t, scratch, p, scratch2)
+            s.scratch[i] = s.x[i] + s.err[i]
+        call_point(s.adr[RATES1], t, s.scratch, s.p, s.scratch2)
     for i in range(n):
         v = 0.0
         for k in range(3 + 2 * m):
             v += ERROR[m, k] * Z[8 * i + k]
         store8(R, 8 * i, splat8(0.0))
-        R[8 * i] = (scratch2[i] if again else f0[i]) + v / h
-    _solve(adr, plan, lu, R)
+        R[8 * i] = (s.scratch2[i] if again else s.f[i]) + v / h
+    _solve(s)
     for i in range(n):
-        err[i] = R[8 * i]
-
-
-@kernel
-def _estimate(s, t, h, again):
-    embedded_error(
-        s.adr,
-        s.order,
-        s.n,
-        t,
-        h,
-        s.p,
-        s.x,
-        s.f,
-        s.Z,
-        s.elimination,
-        s.lu,
-        s.R,
-        s.err,
-        s.scratch,
-        s.scratch2,
-        again,
-    )
+        s.err[i] = R[8 * i]
 
 
 @unit(types.int64, S.Core, types.float64, types.float64, types.float64, types.float64)
@@ -240,18 +222,15 @@ def attempt_unit(s, t, h, ratio, eta):
     predicted = ratio < LONGEST_PREDICTION[m]
     if predicted:
         extrapolate(m, n, ratio, s.poly, s.Z)
-    factorise(adr, m, n, t, h, s.p, x, s.Z, predicted, s.J, s.mu, s.elimination, s.lu, s.scratch)
-    converged, iterations, eta, theta = newton(
-        adr, m, n, s.p, x, predicted, s.Z, s.W, s.X, s.F, s.R, s.t8, s.hoisted, s.mu,
-        s.elimination, s.lu, s.newton_weight, s.kappa, eta,
-    )  # fmt: skip
+    factorise(s, t, h, predicted)
+    converged, iterations, eta, theta = newton(s, predicted, eta)
     s.iterations, s.eta, s.theta, s.again = iterations, eta, theta, 0.0
     if not converged:
         return S.NOT_CONVERGED
-    _estimate(s, t, h, False)
+    embedded_error(s, t, h, False)
     size = error_norm(s)
     if not size < 1.0 and (s.first == 1 or s.rejected == 1):
-        _estimate(s, t, h, True)
+        embedded_error(s, t, h, True)
         size = error_norm(s)
         s.again = 1.0
     s.error = size
