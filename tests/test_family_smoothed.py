@@ -308,3 +308,18 @@ def test_a_member_named_eps_keeps_its_name():
     view = System({x: v, v: -x - eps * sp.sign(v)}, parameters={eps: 0.3}).smoothed(1e-2)
     assert view.model.families is not None and view.parameters[view.model.parameters[-1]] == 1e-2
     assert [p.name for p in view.parameters][-2:] == ["eps_8", "eps_"]
+
+
+def test_an_event_at_a_sum_over_all_elements_is_met_by_implicit_steps():
+    n = 9
+    family = Family(n)
+    (v,) = family.symbols("v")
+    total = family.sum(v)
+    event = Event(total - 4, direction=1, update={v: v / 2}, name="full")
+    system = System({v: 1 - v / 10 + sp.Abs(v) / 50}, time=t, events=[event])
+    start = {v: np.linspace(0, 0.3, n).tolist()}
+    stiff, exact = (solve(system, (0, 3), start, method=m, rtol=1e-10) for m in ("stiff", "auto"))
+    assert switched_by_events(system.model).families is not None and len(exact.events) > 5
+    assert [e.switch for e in stiff.events] == [e.switch for e in exact.events]
+    assert np.allclose([e.time for e in stiff.events], [e.time for e in exact.events], rtol=0, atol=1e-8)
+    assert np.abs(stiff.x[:, -1] - exact.x[:, -1]).max() < 1e-7

@@ -116,7 +116,8 @@ class FamilyStiff(FamilyFields):
         if watched:
             self._lanes(source, "watch8", "t, x, p, e", "e", starts(lay.events), lay.events, watched)
             self._act(source)
-            source.constants["WATCHED"] = tuple(tuple(graph.places(a, "x")) for a in watched)
+            sums = any(graph.nodes[a].op == "total" for a in graph.reach(watched, through=True))
+            source.constants["WATCHED"] = None if sums else tuple(tuple(graph.places(a, "x")) for a in watched)
         source.constants |= {
             "SIZES": len(lay.sizes()),
             "LAYER_STATES": tuple(states.index(h) if h in states else -1 for h in self.layers),
@@ -241,7 +242,10 @@ def _numbers(model: Model, constants) -> dict:
         first[b] + np.arange(one(f).at(sizes)) if b >= 0 else np.full(one(f).at(sizes), -1)
         for b, f in zip(constants["LAYER_STATES"], layers, strict=True)
     ]
-    ends, watched = sparse_pattern(constants.get("WATCHED", ()), lay.events, lay.states, sizes, of)
+    read = group = np.arange(n)
+    if (watched := constants.get("WATCHED", ())) is not None:
+        ends, states = sparse_pattern(watched, lay.events, lay.states, sizes, of)
+        read, group = np.unique(states), _groups(n, ends, states)
     return {
         "n_hoisted": 0,
         "rows_length": 0,
@@ -250,8 +254,8 @@ def _numbers(model: Model, constants) -> dict:
         "slopes": sparse_pattern(constants.get("SLOPE_ROWS", ()), layers, lay.states, sizes, of),
         "surface_state": np.concatenate([np.zeros(0, np.int64), *state]).astype(np.int64),
         "surface_row": np.full(len(model.smoothing), -1),
-        "read": np.unique(watched),
-        "group": _groups(n, ends, watched),
+        "read": read,
+        "group": group,
         "slots": 0,
         "written_out": False,
         "smooth": bool(constants["SMOOTH"]),
