@@ -114,20 +114,21 @@ def play(played, seed):
     error = difference(*runs)
     if error <= 1e-8:
         return Verdict(RIGHT, error=error)
-    moved = max(difference(runs[1], run(played.system[1], one, k)) for k in range(3))
+    written = played.system[1]
+    base = run(written, one, by=solve)
+    moved = max(difference(base, run(written, one, k, by=solve)) for k in range(3))
     return Verdict(ILL if error <= 10 * moved else WRONG, "states", error)
 
 
-def run(view, one, beside=None):
+def run(view, one, beside=None, by=None):
     """The solution; `beside` a start that is off by the tolerance."""
     start = one.start
     if beside is not None:
         r = np.random.default_rng(beside)
         start = {x: np.asarray(a) * (1 + 1e-10 * r.uniform(-1, 1, np.shape(a))) for x, a in start.items()}
         start = {x: a.tolist() for x, a in start.items()}
-    by = judging.solve if beside is None else solve
-    return by(view, (0, float(one.instants[-1])), start, parameters=one.p, t_eval=one.instants, rtol=1e-10,
-              atol=1e-13, max_steps=judging.STEPS)  # fmt: skip
+    options = dict(parameters=one.p, t_eval=one.instants, rtol=1e-10, atol=1e-13, max_steps=judging.STEPS)
+    return (by or judging.solve)(view, (0, float(one.instants[-1])), start, **options)
 
 
 def difference(a, b):
