@@ -264,13 +264,6 @@ def test_a_solution_with_a_disc_is_saved_and_found_again(tmp_path):
     assert run["lam_x"][-1] == pytest.approx(0.4)
 
 
-def of_elements():
-    family = Family(3)
-    a, b = family.symbols("a b")
-    disc = Disc("p", (a, b))
-    return System({a: -disc[0], b: -disc[1]})
-
-
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -284,7 +277,6 @@ def of_elements():
         (lambda: System({u: -lam[0] * sp.sign(lam[1] - x), v: -lam[1], x: u}), "stands in the surface"),
         (lambda: System({u: -(lam[0] ** 3), v: -lam[1]}, convention="filippov"), "no disc"),
         (lambda: System({u: -lam[0], v: -lam[1]}).smoothed(1e-3, "tanh"), "0/0"),
-        (lambda: of_elements(), "write the elements out"),
         (lambda: BlimanSorine().attach(velocity=(u, v)), "a law of one velocity"),
         (lambda: BoucWen().attach(velocity=(u, v), position=(x, y)), "`n` of BoucWen is 1"),
         (lambda: BoucWen(n=2).attach(velocity=(u, v), position=x), "`position` has 1 components"),
