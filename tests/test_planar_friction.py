@@ -5,7 +5,7 @@ import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
 
-from pwsmooth import Disc, Drive, Event, Family, Solution, System, Unilateral, solve, sweep
+from pwsmooth import Disc, Drive, Event, Solution, System, Unilateral, solve, sweep
 from pwsmooth.laws.friction import (
     GMS,
     XKY,
