@@ -20,7 +20,6 @@ import copy
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -562,7 +561,7 @@ class System(DescribedSystem):
             if self._view:  # states of a finite ratio r come back with the time constant eps/r
                 field = unlayered(self._view.original._field, self.model.layer_states, symbols[lams[0]])
             field = replace(field, parameters=tuple(self.parameters))
-            field, smoothing = smoothed(field, family, symbols)
+            field, smoothing, _ = smoothed(field, family, symbols)
             extra = tuple(dict.fromkeys(symbols.values()))
             self._cache[key] = field, lower(field, smoothing=smoothing, sigmoid=family.key, extra=extra)
         widths = {symbols[lam]: values[lam] for lam in lams}
@@ -579,16 +578,7 @@ class System(DescribedSystem):
             def smooth(field):
                 lams = [lam for lam, _ in field.switches] + [disc.symbol for disc in field.discs]
                 field = replace(field, parameters=(*field.parameters, *width))
-                smooth, layers = smoothed(field, family, dict.fromkeys(lams, *width))
-                values = {lam: family.smooth(*layer) for (lam, _), layer in zip(field.switches, layers)}
-                left = iter(layers[len(values) :])
-                for disc in field.discs:
-                    surfaces, (eps, *_) = zip(*islice(left, len(disc.components)))
-                    values |= {
-                        lam: family.smooth_component(h, surfaces, eps)
-                        for lam, h in zip(disc.components, surfaces)
-                    }
-                return smooth, layers, values, family.key
+                return *smoothed(field, family, dict.fromkeys(lams, *width)), family.key
 
             found = one_element.read(*self._arguments, smooth=smooth, widths=width)
             self._cache[key] = found if found and found.model.smoothing else None

@@ -323,3 +323,23 @@ def test_an_event_at_a_sum_over_all_elements_is_met_by_implicit_steps():
     assert [e.switch for e in stiff.events] == [e.switch for e in exact.events]
     assert np.allclose([e.time for e in stiff.events], [e.time for e in exact.events], rtol=0, atol=1e-8)
     assert np.abs(stiff.x[:, -1] - exact.x[:, -1]).max() < 1e-7
+
+
+@pytest.mark.parametrize("own", [False, True], ids=["one width", "a width an element"])
+def test_a_flat_function_in_a_sum_tells_the_strip_around_the_surface_of_all(own):
+    """exp(-(V/w)^2) stands in a sum alone: a step must not pass over the strip around V = 0 that it changes in."""
+    n = 9
+    family = Family(n)
+    (z,) = family.symbols("z")
+    w = family.symbols("w", positive=True)[0] if own else sp.Symbol("w", positive=True)
+    X, V = sp.symbols("X V", real=True)
+    bump = family.sum((1 + z) * sp.exp(-((V / w) ** 2)) * sp.Abs(V)) * 1000 / n
+    rates = {z: -z + sp.Abs(V), X: V, V: -X - bump * V}
+    widths = np.linspace(1e-3, 2e-3, n).tolist() if own else 1e-3
+    system = System(rates, parameters={w: widths})
+    stiff = switched_by_events(system.model)
+    # One surface of all has one width: that of elements is the least of theirs, and they are written out.
+    assert stiff.smoothing and (stiff.families is None) == own
+    start = {z: 0.1, X: 1.0, V: 0.0}
+    ends = [solve(system, (0, 8), start, method=m, rtol=1e-9).x[:, -1] for m in ("stiff", "auto")]
+    assert np.abs(ends[0] - ends[1]).max() < 1e-6

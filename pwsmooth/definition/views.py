@@ -38,7 +38,7 @@ def substitutes(system):
 
 
 def smoothed(field, sigmoid, eps):
-    """(field without switches, smoothing): lambda_j -> Lambda(h_j/eps_j), `eps` by multiplier.
+    """(field without switches, smoothing, values of the multipliers): lambda_j -> Lambda(h_j/eps_j), `eps` by lambda.
 
     Selections take their affine form, kinks too: that keeps the field analytic, as series and implicit
     steps want it, at a distance O(eps) from the original. Only a kink with a branch that does not exist on
@@ -63,7 +63,7 @@ def smoothed(field, sigmoid, eps):
         for lam, h in zip(disc.components, surfaces, strict=True):
             blend.add(lam, sigmoid.smooth_component(h, surfaces, eps[disc.symbol]), {})
             smoothing.append((h, eps[disc.symbol]))
-    return field.map(blend, switches=(), discs=()), tuple(smoothing)
+    return field.map(blend, switches=(), discs=()), tuple(smoothing), blend.values
 
 
 class _Blend:
@@ -73,11 +73,11 @@ class _Blend:
         self.selections: dict[sp.Symbol, list[Select]] = {lam: [] for lam, _ in field.switches}
         for s in sorted(set().union(*(e.atoms(Select) for e in field.expressions())), key=sp.default_sort_key):
             self.selections[s.args[0]].append(s)
-        self._values, self._cases, self._memo = {}, {}, {}
+        self.values, self._cases, self._memo = {}, {}, {}
 
     def add(self, lam, smooth, cases):
         """From now on `lam` is replaced; the selections `cases` go on selecting, by the sign of their h."""
-        self._values[lam] = smooth
+        self.values[lam] = smooth
         self._cases.update(cases)
         self._memo.clear()
 
@@ -87,9 +87,9 @@ class _Blend:
         return self._memo[e]
 
     def _replaced(self, e):
-        if e in self._values:
-            return self._values[e]
-        if not e.args or e.free_symbols.isdisjoint(self._values):
+        if e in self.values:
+            return self.values[e]
+        if not e.args or e.free_symbols.isdisjoint(self.values):
             return e
         if not isinstance(e, Select):
             return e.func(*map(self, e.args))
@@ -97,7 +97,7 @@ class _Blend:
         a, b = self(above), self(below)
         if e in self._cases:
             return sp.Piecewise((a, self._cases[e] > 0), (b, True), evaluate=False)
-        return (a + b) / 2 + self._values[lam] * (a - b) / 2 if lam in self._values else Select(lam, a, b)
+        return (a + b) / 2 + self.values[lam] * (a - b) / 2 if lam in self.values else Select(lam, a, b)
 
 
 def _one_sided(field, select, h):

@@ -28,14 +28,14 @@ _FLAT = tuple(function for function, name in UNARY.items() if name in FLAT)
 WIDTH = sp.Float(1e-6)  # of the strip around a surface that is looked at where nothing tells its width
 
 
-def strip(mu: Any, model: Model) -> sp.Expr | None:
+def strip(mu: Any, model: Model, sums: tuple[sp.Expr, ...] = ()) -> sp.Expr | None:
     """Width around a switch's surface in which functions like exp(-(h/w)^2) change; None without such functions.
 
     They are flat elsewhere: a step that ends beyond the strip sees nothing of it, so none may pass over it unseen
     (kernels/stiff/gate.py, which protects the layers of smoothed views in the same way).
     """
     h, found = sp.Dummy("h", positive=True), set()
-    atoms = set().union(*(e.atoms(*_FLAT) for e in model.rhs))
+    atoms = set().union(*(e.atoms(*_FLAT) for e in (*model.rhs, *sums)))
     for atom in atoms:
         argument = atom.args[0].xreplace({mu.symbol: sp.Integer(1)}).subs(mu.surface, h)
         factor, power = argument.as_independent(h, as_Add=False)
@@ -60,16 +60,20 @@ def switched_by_events(model: Model) -> Model:
     if families is None or families.template.mirrors:  # what two neighbours tell of one surface is one event
         return _switched(model)
     template = families.template
-    switched = _switched(template.model)
+    switched = _switched(template.model, tuple(e for *_, e in template.sums))
     sums = tuple((s, family, _selecting(e)) for s, family, e in template.sums)
-    if any(h.free_symbols & {s for s, *_ in sums} for h, _ in switched.smoothing):
-        return _switched(model)
     of_switches = template.families("multipliers")
+    family_of = {mu.surface: family for mu, family in zip(template.model.multipliers, of_switches)}
+    for h, width in switched.smoothing:
+        # A surface of all has one width, the least of all elements.
+        of_elements = family_of[h] is None and width.free_symbols & template.place.keys()
+        if of_elements or h.free_symbols & {s for s, *_ in sums}:
+            return _switched(model)
     kept = zip(template.model.events, template.event_families)
     changed = replace(
         template, model=switched, sums=sums, output_families=(), levels=(),
         event_families=(*(f for e, f in kept if _watched(e)), *of_switches),
-        layer_families=tuple(f for f, mu in zip(of_switches, template.model.multipliers) if strip(mu, template.model)),
+        layer_families=tuple(family_of[h] for h, _ in switched.smoothing),
     )  # fmt: skip
     return family_model(replace(families, template=changed))
 
@@ -84,8 +88,8 @@ def _selecting(e: Any) -> Any:
     return e.replace(Select, lambda lam, a, b: sp.Piecewise((a, lam > 0), (b, True), evaluate=False))
 
 
-def _switched(model: Model) -> Model:
-    """The same for a plain model, or for that of one element."""
+def _switched(model: Model, sums: tuple[sp.Expr, ...] = ()) -> Model:
+    """The same for a plain model, or for that of one element with the summands of its `sums`."""
     model = replace(model, outputs=(), events=tuple(filter(_watched, model.events)))
     for mu in model.multipliers:
         if mu.kind != "switch" or mu.regularity == "sliding":
@@ -100,7 +104,7 @@ def _switched(model: Model) -> Model:
         EventSpec(str(mu.symbol), mu.surface, update=((first + j, -mu.symbol),))
         for j, mu in enumerate(model.multipliers)
     )
-    widths = [strip(mu, model) for mu in model.multipliers]
+    widths = [strip(mu, model, sums) for mu in model.multipliers]
 
     def selected(event: EventSpec) -> EventSpec:
         return replace(

@@ -238,11 +238,9 @@ class Module(native.Module):
         self.module.triple = llvm.get_default_triple()
         self.flags = ("contract", "nsz")
         self.functions: dict[str, ir.Function] = {}
-        prelude = ast.parse(PRELUDE).body
+        prelude = [node for node in ast.parse(PRELUDE).body if isinstance(node, ast.FunctionDef)]
         self.translated = Function
-        written = self.read(text)
-        definitions = [*(node for node in prelude if isinstance(node, ast.FunctionDef)), *written]
-        self.define(definitions, {*native.INTERNAL, *(node.name for node in definitions[: -len(written)])})
+        self.define([*prelude, *self.read(text)], {*native.INTERNAL, *(node.name for node in prelude)})
 
     def instruction(self, name: str, kind: ir.VectorType, count: int) -> ir.Function:
         """LLVM's vector form of an operation; it has no helper for the name of a vector type."""
