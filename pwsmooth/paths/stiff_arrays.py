@@ -41,7 +41,7 @@ def core(compiled: Any, capacity: int, dense: bool, **given: Any) -> Core:
     # What happens at one instant has room in any case.
     room = 2 * e + MOST_AT_ONCE + max(64, min(64 * e, _MOST_OUTPUT // max(1, 2 * n)))
     sizes = dict(n=n, q=q, e=e, capacity=capacity, room=room, hoisted=compiled.n_hoisted, most=max(q, e),
-                 unknowns=compiled.unknowns, layers=3 * q + len(compiled.slopes[1]),
+                 layers=3 * q + len(compiled.slopes[1]),
                  entries=len(compiled.pattern[0]), rows_length=compiled.rows_length,
                  eliminated=compiled.eliminated, kept=capacity if dense else 1)  # fmt: skip
     own = dict(
@@ -49,9 +49,7 @@ def core(compiled: Any, capacity: int, dense: bool, **given: Any) -> Core:
         slope_state=compiled.slopes[1], elimination=compiled.elimination, surface_state=compiled.surface_state,
         surface_row=compiled.surface_row, group=compiled.group, read=compiled.read,
     )  # fmt: skip
-    numbers = {
-        name: sizes[name] for name in ("n", "q", "e", "capacity", "room", "unknowns", "entries", "rows_length")
-    }
+    numbers = {name: sizes[name] for name in ("n", "q", "e", "capacity", "room", "entries", "rows_length")}
     plan = Core.planned(sizes, undefined=_OUTPUT, given=tuple(own))
     return Core.in_one_block(
         plan, _memory, groups=int(compiled.group.max(initial=-1)) + 1, reads=len(compiled.read),

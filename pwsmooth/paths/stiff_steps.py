@@ -175,7 +175,7 @@ def integrate(
     )  # fmt: skip
     run.atol[:] = np.multiply(atol, rtol_radau / rtol)
     run.x[:] = x0
-    run.power[:] = 1.0 / (1.0 + np.arange(compiled.unknowns))
+    run.power[:] = 1.0 / (1.0 + np.arange(compiled.n))
     if model.events:
         run.direction[:] = [event.direction for event in kinds]
         run.stops[:] = [event.terminal or bool(event.singular) for event in kinds]

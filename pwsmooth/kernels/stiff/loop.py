@@ -37,19 +37,14 @@ STALL = 8192  # attempts within which the time must advance by LEAST_ADVANCE
 
 @kernel
 def spectral_radius(s, u, scratch):
-    """sqrt(|J J u| / |u|) in the maximum norm; overwrites u with the direction found."""
+    """sqrt(|J J u| / |u|) in the maximum norm, of a model without sums over elements; overwrites u with the direction
+    found."""
     n = s.n
     for _ in range(2):
-        for i in range(n, s.unknowns):
-            u[i] = 0.0
         for i in range(n):
             scratch[i] = 0.0
-        for k in range(s.entries):  # those of sums come first
-            i = s.J_row[k]
-            if i < n:
-                scratch[i] += s.J[k] * u[s.J_column[k]]
-            else:
-                u[i] += s.J[k] * u[s.J_column[k]]
+        for k in range(s.entries):
+            scratch[s.J_row[k]] += s.J[k] * u[s.J_column[k]]
         for i in range(n):
             u[i] = scratch[i]
     top = 0.0

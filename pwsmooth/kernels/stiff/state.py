@@ -24,7 +24,6 @@ class Core(Bundle):
     n: "int"
     q: "int"
     e: "int"
-    unknowns: "int"  # of implicit steps: the states, then sums over elements
     entries: "int"  # of J
     reads: "int"  # states that surfaces of events read
     groups: "int"  # of states, no two of which stand in one event's surface
@@ -108,7 +107,7 @@ class Core(Bundle):
     start: "f8*[n]"  # x at the start of the step
     poly: "f8*[n, 8]"  # last collocation polynomial, from its end
     rows: "f8*[2, rows_length]"  # Taylor coefficients, at x and at the end of the step under trial
-    power: "f8*[unknowns]"  # vector of the power iteration
+    power: "f8*[n]"  # vector of the power iteration
     surf: "f8*[layers]"  # of every surface h, dh/dt at fixed x, eps; then the entries of their gradients
     J: "f8*[entries]"
     lu: "f8*[eliminated]"  # eliminations of (mu/h) I - J, as the generated code or sparse.py orders them
