@@ -204,10 +204,12 @@ class Record(Bundle):
     x: "f8[room, n]"
     mult: "f8[room, m]"
     status: "i1[room, m]"
-    event_t: "f8[room]"
-    event: "i8[room, 4]"  # surface index, kind, from, to
-    ambiguity_t: "f8[room]"
-    ambiguity: "i8[room, 3]"  # multiplier, kind, taken
+    most_events: "int"  # that may be recorded at the end of a step: `room` rows have as many more of events
+    most_unsure: "int"
+    event_t: "f8[events]"
+    event: "i8[events, 4]"  # surface index, kind, from, to
+    ambiguity_t: "f8[unsure]"
+    ambiguity: "i8[unsure, 3]"  # multiplier, kind, taken
     dense: (
         "f8[pieces, polynomials, order + 1]"  # states, multipliers, time (not for a tape alone), in powers of s
     )

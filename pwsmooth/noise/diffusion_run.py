@@ -1,6 +1,6 @@
 """Running a diffusion: what is checked at the door, and one trajectory as a Solution.
 
-Chain: solve, ensemble -> **this file** -> diffusion.py (symbols), kernels/noise/path.py (steps), on the Brownian
+Chain: solve, ensemble -> **this file** -> lowering.py (symbols), kernels/noise/path.py (steps), on the Brownian
 path of kernels/noise/tree.py.
 """
 
@@ -8,16 +8,21 @@ from __future__ import annotations
 
 import copy
 import ctypes
+import functools
 import math
 import warnings
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import sympy as sp
 
 from ..definition import checks
+from ..definition.between import NoTemplate
+from ..definition.many import carried
 from ..paths.event_driven import EventDriven, Options
-from .diffusion import NEAREST, Diffusion, lower, meaning, split
+from .diffusion import Diffusion
+from .lowering import NEAREST, lower, meaning, split
 
 _LONGEST_GRID = 2**31  # intervals
 
@@ -28,55 +33,85 @@ class DiffusionRun:
     def __init__(self, system: Any, noise: Diffusion) -> None:
         self.system, self.noise = system, noise
         model = system.model
-        contacts = [str(m.symbol) for m in model.multipliers if m.kind == "contact"]
+        text = model.families.template.model if model.families else model
+        contacts = [str(m.symbol) for m in text.multipliers if m.kind == "contact"]
         if contacts:
             raise ValueError(
                 f"the system has the contact {checks.listing(contacts)}; a diffusion with contacts is not provided. "
                 "Use Kicks, or a contact law with a finite stiffness."
             )
-        timed = [e.name for e in model.events if e.surface is None]
+        timed = [e.name for e in text.events if e.surface is None]
         if timed:
             raise ValueError(
                 f"the event {checks.listing(timed)} happens at given times, which a diffusion's steps do not meet; "
                 "solve from one instant to the next, or use Kicks."
             )
+        self.acts = False
+        try:
+            found = self._lower(model) if model.families else None
+        except ValueError:
+            found = None  # it may be a mistake: the elements written out tell it in the user's names
+        if found is None:
+            found = self._lower(replace(model, rhs=tuple(model.rhs)) if model.families else model)
+        if not self.acts:
+            return
+        self.lowered, numbers = found
+        more = {**numbers, NEAREST: noise.step / 2 ** (noise.level + noise.finest)}
+        self.values = carried(
+            self.lowered.model.parameters, system.parameters,
+            {s: value for s, value in more.items() if s in self.lowered.model.parameters},
+        )  # fmt: skip
+        self._view = copy.copy(system)
+        self._view.model, self._view.parameters = self.lowered.model, self.values
+        self._warn()
+
+    def _lower(self, model):
+        """The noise on this form of the system's model, and the values of its own symbols; sets whether it acts."""
+        system, noise = self.system, self.noise
         own = {name: sp.Symbol(name, real=True) for name in noise.parameters}
-        named = meaning(system, own)
+        named = meaning(system, model, own)
         for name in own:
             if named[name] is not own[name]:
                 raise ValueError(f"`parameters` of the diffusion names {name!r}, which the system has already.")
         extra = {own[name]: value for name, value in noise.parameters.items()}
-        values = {**system.parameters, **extra}
-        states = list(model.states)
-        entries, numbers = split(noise.entries(states, system.groups), named, values, lift=True)
+        if model.families:
+            template = model.families.template
+            text, parameters = template.model, zip(template.model.parameters, template.families("parameters"))
+            values = {p: system.parameters[p] for p, family in parameters if family is None} | extra
+            written = noise.of_elements(text.states, system.groups)
+            if template.levels:
+                raise NoTemplate("hidden static friction, which runs of all elements do not know as two levels")
+        else:
+            text, values = model, {**system.parameters, **extra}
+            written = noise.entries(text.states, system.groups)
+        entries, numbers = split(written, named, values, lift=True)
         for i, _, _ in entries:
-            if i >= len(states) - model.n_memory:
+            if i >= len(text.states) - text.n_memory:
                 raise ValueError(
-                    f"`amplitude` drives {states[i].name!r}, which is a memory: it changes in events only."
+                    f"`amplitude` drives {text.states[i].name!r}, which is a memory: it changes in events only."
                 )
         self.acts = bool(entries)
         if not self.acts:
-            return
+            return None
         used = tuple(s for s in extra if any(s in e.free_symbols for _, _, e in entries))
+        extra = {s: extra[s] for s in used}
         try:
             lowered = lower(model, entries, used, noise.convention)
-            fits = lowered.holds({**values, **numbers})
+            if lowered.holds({**values, **numbers}):
+                return lowered, extra | numbers
         except ValueError:
-            fits = False
-        if not fits:
-            # Keep the numbers in place: terms may cancel only with their values.
-            entries, numbers = split(noise.entries(states, system.groups), named, values, lift=False)
-            lowered = lower(model, entries, used, noise.convention)
-        self.lowered = lowered
-        self.values = {**values, **numbers, NEAREST: noise.step / 2 ** (noise.level + noise.finest)}
-        self._view = copy.copy(system)
-        self._view.model, self._view.parameters = lowered.model, self.values
-        self._warn()
+            pass
+        # Keep the numbers in place: terms may cancel only with their values.
+        entries, _ = split(written, named, values, lift=False)
+        return lower(model, entries, used, noise.convention), extra
 
     def _warn(self) -> None:
+        model = self.system.model
+        if self.lowered.model.families:
+            model = model.families.template.model
         slides = [
-            m for m, noisy in zip(self.system.model.multipliers, self.lowered.noisy)
-            if noisy and m.kind in ("switch", "disc") and m.regularity == "sliding"
+            m for m, spread in zip(model.multipliers, self.lowered.spreads)
+            if spread != 0 and m.kind in ("switch", "disc") and m.regularity == "sliding"
         ]  # fmt: skip
         if slides:
             m = slides[0]
@@ -127,7 +162,7 @@ class DiffusionRun:
             n=len(lowered.model.states),
             m=len(lowered.model.multipliers),
             q=lowered.q,
-            outputs=len(lowered.model.outputs),
+            outputs=int(lowered.parts[-1]),
             trajectories=len(ensemble.get("snapshots", ())),
             times=0,
             levels=names.DEEPEST + 2,
@@ -136,12 +171,13 @@ class DiffusionRun:
             sizes,
             outputs=self._code.outputs,
             q=lowered.q,
-            pairs=lowered.pairs,
             moving=int(lowered.moving),
-            gates=len(lowered.model.smoothing),
+            at=lowered.parts,
+            **dict(zip(("G_row", "G_source", "G_place"), lowered.G)),
+            **dict(zip(("M_row", "M_first", "M_second", "M_place"), lowered.milstein)),
             **_steps(noise),
             seed=noise.seed,
-            noisy=np.array(lowered.noisy, np.int64),
+            noisy=lowered.noisy.astype(np.int64),
             **ensemble,
         )
 
@@ -156,9 +192,8 @@ def _free(problem, lowered):
 
     kind = problem.kind.copy()
     kind[kind == state.SECOND_ORDER] = state.CROSSING
-    for j, noisy in enumerate(lowered.noisy[: len(kind)]):
-        if noisy and kind[j] in (state.SLIDING, state.CROSSING):
-            kind[j] = state.KINK
+    slides = (kind == state.SLIDING) | (kind == state.CROSSING)
+    kind[lowered.noisy[: len(kind)] & slides] = state.KINK
     return problem.changed(kind=kind)
 
 
@@ -190,9 +225,7 @@ class Path(EventDriven):
         def advance(record):
             return diffuse(*(b.address for b in (self.problem, control, state, record, self.work, noise)))
 
-        def more(record):
-            return self._record(max(4 * len(record.t), 65536), record, state)
-
+        more = functools.partial(self.larger, state, t0, t1)
         code, record = self.advanced(advance, more, control, state, self.first_record(times), spending)
         solution = self.finish(
             owner.system, code, self.problem, state, self._kept(record, state), record, times

@@ -204,7 +204,9 @@ class EventDriven:
         self.state = names.State.in_one_block(names.State.planned(dict(n=len(model.states), m=m, ne=ne)))
         self.state.side[:], self.state.step = 1, min(1e-3, options.max_step)
         self.blank = self.state.block.copy(), self.state.cells.copy()
-        self._keep(min(_ROOM, max(_LEAST_ROOM, _KEPT_BYTES // self._bytes(1))))
+        self.most = {"most_events": 2 * m + 3 * ne + 64, "most_unsure": m + ne + 8}
+        least, more = self._bytes(0), self._bytes(1024) - self._bytes(0)
+        self._keep(min(_ROOM, max(_LEAST_ROOM, 1024 * (_KEPT_BYTES - least) // more)))
 
     def _keep(self, room: int) -> None:
         """First buffers of runs to come; what a large system records is given back after every run."""
@@ -240,16 +242,10 @@ class EventDriven:
             problem = kicks.problem(problem)
         control, state = self.timed(t0, t1, system.parameters), self.begin(t0, t1, start)
 
-        def more(record: Any) -> Any:
-            # The room grows geometrically, more slowly where it is large.
-            room = _next_room(len(record.t), self.room, t0, state.t, t1)
-            if self._bytes(room) >= _LARGE:
-                room = min(room, 2 * len(record.t))
-            return self._record(room, record, state) if memory.fits(self._bytes(room)) else None
-
         def advance(record: Any) -> int:
             return self.loop(problem, control, state, record, self.work)
 
+        more = functools.partial(self.larger, state, t0, t1)
         code, record = self.advanced(advance, more, control, state, self.first_record(times), spending)
         if code == names.BROKEN:
             mu = self.model.multipliers[self.work.broken].symbol
@@ -384,6 +380,13 @@ class EventDriven:
         spending.spend(state.steps - begun)
         return code, record
 
+    def larger(self, state: Any, t0: float, t1: float, record: Any) -> Any:
+        """Buffers in place of full ones, by fewer times more where they are large; None where memory has none."""
+        room = _next_room(len(record.t), self.room, t0, state.t, t1)
+        if self._bytes(room) >= _LARGE:
+            room = min(room, 2 * len(record.t))
+        return self._record(room, record, state) if memory.fits(self._bytes(room)) else None
+
     def _plan(self, room: int) -> Any:
         """Of the buffers for `room` points and events."""
         # Rows beyond what memory holds easily are made again instead.
@@ -391,8 +394,9 @@ class EventDriven:
         tapes = 4 * room if self.tape else 0
         n, m = self.sizes.n, self.sizes.m
         sizes = dict(
-            n=n, m=m, order=self.order, room=room, pieces=pieces, polynomials=n + m + self.dense, tapes=tapes
-        )
+            n=n, m=m, order=self.order, room=room, pieces=pieces, polynomials=n + m + self.dense, tapes=tapes,
+            events=room + self.most["most_events"], unsure=room + self.most["most_unsure"],
+        )  # fmt: skip
         return names.Record.planned(sizes, undefined=names.Record.members)
 
     def _bytes(self, room: int) -> int:
@@ -406,6 +410,7 @@ class EventDriven:
         new = names.Record.in_one_block(
             self._plan(room),
             memory=lambda size: np.empty(max(size, 1 << 22 if old else 0), np.uint8),
+            **self.most,
             **{k: getattr(old, k, empty) for k, empty in asked.items()},
         )
         if old:

@@ -29,6 +29,7 @@ NAMES = (
     "links",
     "loops",
     "layers",
+    "noises",
 )
 OF_DERIVATIVES = ("slopes", "differences", "gradients")
 SLOW = 5.0  # seconds of a case that are reported

@@ -120,13 +120,15 @@ def play(played, seed):
     return Verdict(ILL if error <= 10 * moved else WRONG, "states", error)
 
 
-def run(view, one, beside=None, by=None):
-    """The solution; `beside` a start that is off by the tolerance."""
-    start = one.start
-    if beside is not None:
-        r = np.random.default_rng(beside)
-        start = {x: np.asarray(a) * (1 + 1e-10 * r.uniform(-1, 1, np.shape(a))) for x, a in start.items()}
-        start = {x: a.tolist() for x, a in start.items()}
+def beside(start, seed, by):
+    """A start that is off by so much of it."""
+    r = np.random.default_rng(seed)
+    return {x: (np.asarray(a) * (1 + by * r.uniform(-1, 1, np.shape(a)))).tolist() for x, a in start.items()}
+
+
+def run(view, one, off=None, by=None):
+    """The solution; from a start that is `off` by the tolerance."""
+    start = one.start if off is None else beside(one.start, off, 1e-10)
     options = dict(parameters=one.p, t_eval=one.instants, rtol=1e-10, atol=1e-13, max_steps=judging.STEPS)
     return (by or judging.solve)(view, (0, float(one.instants[-1])), start, **options)
 

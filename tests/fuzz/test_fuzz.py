@@ -17,7 +17,7 @@ from tests.fuzz.__main__ import NAMES, OF_DERIVATIVES, fuzz
 # Structures and cases: of each fuzzer some seconds.
 SHORT = {"affine": (6, 20), "contacts": (10, 20), "resets": (6, 20), "hidden": (8, 25), "smooth": (6, 8),
          "invariance": (6, 15), "discs": (8, 4), "lines": (5, 6), "assemblies": (12, 1), "links": (9, 1),
-         "loops": (8, 10), "layers": (12, 1), "slopes": (8, 20), "differences": (12, 2),
+         "loops": (8, 10), "layers": (12, 1), "noises": (17, 1), "slopes": (8, 20), "differences": (12, 2),
          "gradients": (6, 10)}  # fmt: skip
 
 

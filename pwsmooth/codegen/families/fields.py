@@ -17,7 +17,7 @@ from .sections import ElementCode, Root, Sections
 
 
 class FamilyFields:
-    """Writes `fields`, `linear` and `act` of one template."""
+    """Writes `fields`, `linear`, `act` and `outputs` of one template."""
 
     graph_of: type[Graph] = Graph
     acting = "i, t, x, mult, p, xnew"  # arguments of `act`
@@ -47,6 +47,13 @@ class FamilyFields:
         ])  # fmt: skip
         self._linear(sources["linear"])
         self._act(sources["act"])
+        if self.model.outputs and not lay.patch:
+            sources["outputs"] = Source()
+            sources["outputs"].constants["SIZES"] = len(lay.sizes())
+            families = self.template.output_families
+            nodes = self.graph.expressions(e for _, e in self.model.outputs)
+            entries = [("out", *entry) for entry in zip(starts(families), families, nodes)]
+            self._store(sources["outputs"], "outputs", "t, x, mult, p, out", entries)
         return {name: source.text() for name, source in sources.items()}
 
     def _body(self):

@@ -9,6 +9,7 @@ from ..machine.compiling import kernel
 from ..machine.pointers import call_linear
 from ..state import DISC, SLIDING, SOLVED
 from ..surface.vector import invert_slopes, own_slopes, slopes_of_disc
+from .state import SLOPE
 
 
 @kernel
@@ -23,10 +24,10 @@ def _keeps_direction(A, d):
 
 
 @kernel
-def attracts(P, S, W, N, j, at):
+def attracts(P, S, W, N, j):
     """Whether the root of multiplier j is on the branch to which the layer comes back, up to a fold."""
     if P.kind[j] != DISC:
-        return N.out[at + 3 * j + 1] < 0.0
+        return N.out[N.at[SLOPE] + j] < 0.0
     return P.hidden[j + 1] == 0 or (slopes_of_disc(P, S, W, j) > 0.0 and _keeps_direction(W.disc, P.dim[j]))
 
 

@@ -42,7 +42,7 @@ from ..surface.sliding import INSIDE, follow, keep_at_rest, keep_on_surface, mas
 from ..work import Work
 from .discs import ALIKE, SWEEPS, end_slow, mark_slow, time_to_turn, turn_slow
 from .folds import aim_beyond, attracts, flattest
-from .state import DEEPEST, LOCATED, Diffused
+from .state import ACROSS, BEND, DEEPEST, GATE, LOCATED, PULL, RATE, SLOPE, SPEED, SPREAD, WIDTH, Diffused
 from .tree import begin_interval, end_time, halve, halved, length_here, pass_on
 
 _SURE = 9.0  # three standard deviations, squared: how far a step beside a surface stays from it
@@ -78,40 +78,43 @@ def _longest(P, S, W, N):
 
     W has the fields there.
     """
-    n, m, ne, out = P.n, P.m, P.ne, N.out
-    at = n * N.q + n * N.pairs
+    m, ne, out, at = P.m, P.ne, N.out, N.at
     h = halved(N.step, N.level)
     floor = halved(h, N.finest)
-    if not out[at] < math.inf:
-        return math.nan
-    if out[at] > 0.0:
-        h = min(h, N.resolution / out[at])
-    at += 1
+    rate = 0.0
+    for part in range(RATE, SPREAD):
+        largest = 0.0
+        for i in range(at[part], at[part + 1]):
+            if not out[i] < math.inf:
+                return math.nan
+            largest = max(largest, out[i])
+        rate += largest
+    if rate > 0.0:
+        h = min(h, N.resolution / rate)
     for i in range(m + ne):
         if N.noisy[i]:
-            h = min(h, max(floor, W.h[i] * W.h[i] / (_SURE * out[at + i] + 1e-300)))
-    at += m + ne
+            h = min(h, max(floor, W.h[i] * W.h[i] / (_SURE * out[at[SPREAD] + i] + 1e-300)))
     if P.discs != 0:
         h = min(h, max(floor, N.resolution * time_to_turn(P, S, W, N)))
     for j in range(m):
+        pull = out[at[PULL] + j]
         bounded = P.kind[j] == SLIDING or P.kind[j] == DISC
-        if S.status[j] == SOLVED and bounded and out[at + 3 * j] > 0.0:
-            slope, bend = abs(out[at + 3 * j + 1]), abs(out[at + 3 * j + 2])
+        if S.status[j] == SOLVED and bounded and pull > 0.0:
+            slope, bend = abs(out[at[SLOPE] + j]), abs(out[at[BEND] + j])
             size = abs(S.mult[j]) if P.kind[j] == SLIDING else math.sqrt(abs(S.mult[j]))
             room = (1.0 - size) * slope
             if bend > 0.0:
                 room = min(room, 0.5 * slope * slope / bend)
-            h = min(h, max(floor, room * room / (_SURE * out[at + 3 * j])))
-    at += 3 * m
+            h = min(h, max(floor, room * room / (_SURE * pull)))
     part = 2.5 * N.resolution  # of a layer that a step may cross
-    for _ in range(N.gates):
-        surface, speed, spread, width = out[at], abs(out[at + 1]), out[at + 2], out[at + 3]
+    for i in range(at[SPEED] - at[GATE]):
+        surface, speed = out[at[GATE] + i], abs(out[at[SPEED] + i])
+        spread, width = out[at[ACROSS] + i], out[at[WIDTH] + i]
         square = width * width + surface * surface
         if speed > 0.0:
             h = min(h, part * math.sqrt(square) / speed)
         if spread > 0.0:
             h = min(h, part * part * square / spread)
-        at += 4
     return h
 
 
@@ -121,14 +124,15 @@ def _step(P, S, W, N):
 
     False if a sliding multiplier was lost at the stage.
     """
-    n, q, x, G = P.n, N.q, S.x, N.out_start
+    n, x, start = P.n, S.x, N.out_start
     level = N.depth
     dw, area = N.increment[level], N.area[level]
     h, t = length_here(N), S.t
     for i in range(n):
         total = 0.75 * h * N.f[i]
-        for s in range(q):
-            total += 1.5 * G[i * q + s] * (area[s] + 0.5 * dw[s])
+        for k in range(N.G_row[i], N.G_row[i + 1]):
+            s = N.G_source[k]
+            total += 1.5 * start[N.G_place[k]] * (area[s] + 0.5 * dw[s])
         x[i] = N.x[i] + total
     S.t = t + 0.75 * h
     found = True
@@ -140,16 +144,14 @@ def _step(P, S, W, N):
         call_outputs(N.outputs, t + h, x, S.mult, P.p, N.out_ahead)
     for i in range(n):
         total = h * (N.f[i] + 2.0 * W.dx[i]) / 3.0
-        for s in range(q):
-            total += G[i * q + s] * dw[s]
+        for k in range(N.G_row[i], N.G_row[i + 1]):
+            s, g = N.G_source[k], start[N.G_place[k]]
+            total += g * dw[s]
             if N.moving:
-                total += (N.out_ahead[i * q + s] - G[i * q + s]) * (0.5 * dw[s] - area[s])
-        if N.pairs > 0:
-            k = n * q + i * N.pairs
-            for a in range(q):
-                for b in range(a, q):
-                    total += G[k] * (dw[a] * dw[b] - (h if a == b else 0.0))
-                    k += 1
+                total += (N.out_ahead[N.G_place[k]] - g) * (0.5 * dw[s] - area[s])
+        for k in range(N.M_row[i], N.M_row[i + 1]):
+            a, b = N.M_first[k], N.M_second[k]
+            total += start[N.M_place[k]] * (dw[a] * dw[b] - (h if a == b else 0.0))
         x[i] = N.x[i] + total
     S.t = end_time(N)
     for j in range(P.m):
@@ -190,7 +192,6 @@ def _changes(P, S, W, N, found):
     m, some = P.m, False
     W.instant.fold = -1
     linear = False
-    at = P.n * N.q + P.n * N.pairs + 1 + m + P.ne
     for i in range(m + P.ne):
         W.meeting.tau[i] = NO_ROOT
         if i < m:
@@ -203,7 +204,7 @@ def _changes(P, S, W, N, found):
                 continue
             if S.status[i] == SOLVED:
                 lam = S.mult[i]
-                if not found or not abs(lam - N.mult[i]) <= _LEAP or not attracts(P, S, W, N, i, at):
+                if not found or not abs(lam - N.mult[i]) <= _LEAP or not attracts(P, S, W, N, i):
                     W.instant.fold = i
                     some = True
                 elif abs(lam) > 1.0:

@@ -23,14 +23,26 @@ DEEPEST = 40  # halvings of an interval
 LOCATED = 34  # halvings after which an event counts as located: 6e-11 of an interval
 
 
+# Parts of what the generated function gives (noise/lowering.py): behind the entries of G and Milstein's terms, of which
+# G_place and M_place tell; parts SPREAD - RATE of the rate, of each the largest counts; |dh.G|^2 of every surface;
+# |dg.G|^2, dg/dlambda and d2g/dlambda2 of every multiplier; h, dh/dt, |dh.G|^2 and the width of every layer.
+RATE, SPREAD, PULL, SLOPE, BEND, GATE, SPEED, ACROSS, WIDTH = 2, 8, 9, 10, 11, 12, 13, 14, 15
+
+
 class Diffused(Bundle):
     """One diffusion: dx = f dt + G dW with q sources, on a Brownian path made of intervals of length `step`."""
 
-    outputs: "int"  # address of the generated function that fills `out`, see codes below
+    outputs: "int"  # address of the generated function that fills `out`
+    at: "i8[:]"  # the first place of each part in `out`, and the end
     q: "int"
-    pairs: "int"  # number of Milstein terms a state: q (q + 1)/2, or 0 where G depends on time alone
+    G_row: "i8[:]"  # where the entries of each state begin,
+    G_source: "i8[:]"  # their sources
+    G_place: "i8[:]"  # and places in `out`
+    M_row: "i8[:]"  # the same of Milstein's terms: none where G depends on time alone
+    M_first: "i8[:]"
+    M_second: "i8[:]"
+    M_place: "i8[:]"
     moving: "int"  # 1: G depends on time
-    gates: "int"  # number of smoothed surfaces
     step: "float"
     resolution: "float"
     level: "int"  # halvings of every interval
@@ -44,7 +56,7 @@ class Diffused(Bundle):
     last: "int"  # interval at whose start the run ends
     recording: "int"  # whether the points are kept
     rejected: "int"  # steps
-    out: "f8[outputs]"  # G (n, q); Milstein (n, pairs); rate; (m + ne) |dh.G|^2; m x (|dg.G|^2, dg/dl, d2g/dl2); gates
+    out: "f8[outputs]"
     out_start: "f8[outputs]"  # the same at the start of the step
     out_ahead: "f8[outputs]"
     increment: "f8[levels, q]"  # of every level: increment of W over the present part of the interval

@@ -32,8 +32,8 @@ def has_room(P, R, S):
     pieces = 1 if P.discs == 0 else _LAST_MOMENTS
     return (
         S.points + 8 < R.t.shape[0]
-        and S.events + 2 * S.last.shape[0] + 3 * S.side.shape[0] + 64 < R.event_t.shape[0]
-        and S.ambiguities + S.last.shape[0] + S.side.shape[0] + 8 < R.ambiguity_t.shape[0]
+        and S.events + R.most_events < R.event_t.shape[0]
+        and S.ambiguities + R.most_unsure < R.ambiguity_t.shape[0]
         and (R.dense.shape[0] == 0 or S.pieces + pieces < R.dense.shape[0])
         and (
             R.tape.shape[0] == 0 or S.taped + 5 * S.last.shape[0] + 6 * S.side.shape[0] + 256 < R.tape.shape[0]
