@@ -33,7 +33,7 @@ STEP = 1 / 32
 def structure(seed):
     """(Model, whether smoothed, Diffusion)."""
     r = np.random.default_rng([81, seed])
-    kind, smooth = KINDS[seed % len(KINDS)], bool(seed // len(KINDS) % 2)
+    kind, smooth = KINDS[seed % len(KINDS)], seed // len(KINDS) % 2 == 0
     if kind in assemblies.KINDS:
         first, step, make = assemblies.KINDS.index(kind), len(assemblies.KINDS), assemblies.structure
     else:
