@@ -32,7 +32,7 @@ from .definition.expansion import spread
 from .definition.functions import check_start, read_functions
 from .definition.lifting import plain
 from .definition.lowering import lower
-from .definition.many import Numbers, Symbols, carried
+from .definition.many import MANY, Numbers, Symbols, carried
 from .definition.mechanics import arguments_of, mechanism
 from .definition.notation import named_rows, rate_of, solved_for_rates, time_of, without_impulses
 from .definition.primitives import Disc
@@ -500,7 +500,8 @@ class System(DescribedSystem):
         values = {p.name: value for p, value in self.parameters.items()}
         if self._view:
             if "written out" not in self._cache:
-                self._cache["written out"] = self._view.original._written_out().smoothed(**self._view.arguments)
+                original = self._view.original._written_out()
+                self._cache["written out"] = getattr(original, self._view.kind)(**self._view.arguments)
             return self._cache["written out"].with_parameters(values)
         if "written out" not in self._cache:
             self._cache["written out"] = lower(self._field)
@@ -537,14 +538,14 @@ class System(DescribedSystem):
         """
         if self._view and self._view.kind == "smoothed":
             raise ValueError("`smoothed` of a smoothed view: take the view of the original system.")
+        if self._view and self.model.families is not None:
+            return self._written_out().smoothed(eps, sigmoid)
         family = sigmoid_of(sigmoid)
         title, arguments = f"smoothed, {family.name} sigmoid", dict(eps=eps, sigmoid=family.key)
         if not isinstance(eps, Mapping) and self._by_element and not self._view:
             width = {self._fresh("eps"): checks.positive(eps, "`eps`")}
             if element := self._smoothed_element(family, width):
-                other = self._derived(None, element.model, width, View("smoothed", title, {}, self, arguments))
-                other._element = element
-                return other
+                return self._of_element(element, width, View("smoothed", title, {}, self, arguments))
         if not self._lams:
             raise ValueError("this system has no switches: there is nothing to smooth.")
         lams, values = self._lams, self._by_switch(eps, "eps")
@@ -580,7 +581,7 @@ class System(DescribedSystem):
                 field = replace(field, parameters=(*field.parameters, *width))
                 return *smoothed(field, family, dict.fromkeys(lams, *width)), family.key
 
-            found = one_element.read(*self._arguments, smooth=smooth, widths=width)
+            found = one_element.read(*self._arguments, view=smooth, more=width)
             self._cache[key] = found if found and found.model.smoothing else None
         return self._cache[key]
 
@@ -614,9 +615,18 @@ class System(DescribedSystem):
         if self._view:
             kind = self._view.kind
             raise ValueError(f"`layered` of a {kind} view: take the view of the original system.")
+        family = sigmoid_of(sigmoid)
+        arguments = dict(ratios=ratios, sigmoid=family.key, eps_ratio=eps_ratio, time_constant=time_constant)
+        view = View("layered", f"layered, {family.name} sigmoid", {}, self, arguments)
+        if self._by_element and eps_ratio is None and time_constant is None:
+            if element := self._slaved_element(family, ratios):
+                gone = {
+                    sp.Symbol(own): f"it is layered, {own} = {element.output(key, k)} in slow time"
+                    for key in map(str, ratios) for k, own in enumerate(element.groups.get(key, (key,))[:MANY])
+                }  # fmt: skip
+                return self._of_element(element, {}, view._replace(gone=gone))
         if not self._lams:
             raise ValueError("this system has no switches, so it has no layers.")
-        family = sigmoid_of(sigmoid)
         states = list(self._field.states)
         given = {}
         for key, r in self._spread(checks.mapping(ratios, "`ratios`", "states to ratios"), "`ratios`").items():
@@ -642,9 +652,28 @@ class System(DescribedSystem):
         gone = {
             s.symbol: f"it is layered, {s.symbol} = {s.equilibrium} in slow time" for s in model.layer_states
         }
-        arguments = dict(ratios=ratios, sigmoid=family.key, eps_ratio=eps_ratio, time_constant=time_constant)
-        view = View("layered", f"layered, {family.name} sigmoid", gone, self, arguments)
-        return self._derived(field, model, values, view)
+        return self._derived(field, model, values, view._replace(gone=gone))
+
+    def _slaved_element(self, family, ratios):
+        """One element of a layered view in which all states of a name are slaved; None where there is none."""
+        names = [checks.named(key) for key in checks.mapping(ratios, "`ratios`", "states to ratios")]
+        names = [f"{name}[]" if name in self.groups else name for name in map(str, names)]
+        if not all(isinstance(r, (float, sp.Basic)) and r == sp.oo for r in ratios.values()):
+            return None  # a layer of its own at every switch
+        key = "slaved element", family.key, *names
+        if key not in self._cache:
+
+            def slave(field):
+                rates = dict(zip(field.states, field.rates, strict=True))
+                slaved = {z: sp.oo for z in field.states if z.name in names}
+                if len(slaved) < len(names) or not field.switches:
+                    raise ValueError("told by the elements written out")
+                constants = {z: time_constant(z, rates[z], field.parameters) for z in slaved}
+                slow, _, layer = layered(field, slaved, constants)
+                return slow, (), {s.symbol: s.equilibrium for s in layer}, family.key
+
+            self._cache[key] = one_element.read(*self._arguments, view=slave)
+        return self._cache[key]
 
     def _backward(self):
         """(this system in s = -t, names of the contacts and events at which a run has to end)."""
@@ -709,6 +738,12 @@ class System(DescribedSystem):
         while name in taken:
             name += "_"
         return sp.Symbol(name, positive=True)
+
+    def _of_element(self, element, values, view):
+        """The view of which this is one element."""
+        other = self._derived(None, element.model, values, view)
+        other._element = element
+        return other
 
     def _derived(self, field, model, values, view):
         other = copy.copy(self)

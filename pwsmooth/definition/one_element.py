@@ -167,6 +167,13 @@ class Element:
         blocks = zip(families.template.model.parameters, families.template.families("parameters"), strict=True)
         return [(s, families.symbol(s, k)) for s, f in blocks if f is None or k < families.sizes[f]]
 
+    def output(self, name, k):
+        """The expression of an output of element k, or of the whole."""
+        families = self.model.families
+        outputs = dict(families.template.model.outputs)
+        e = outputs.get(f"{name}{MARK}")
+        return outputs[name] if e is None else families.expression(e, k)
+
     @cached_property
     def memories(self):
         """Those of all elements."""
@@ -216,11 +223,11 @@ class Element:
                 yield from np.flatnonzero(~((found >= 0) & (found <= 1)))[:1].tolist()
 
 
-def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled, *, smooth=None, widths=()):
+def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled, *, view=None, more=()):
     """The `Element` of a system with families, or None where their elements have to be written out.
 
-    `smooth` makes a field that of a smoothed view, with `widths` for parameters: it gives the field, its smoothing,
-    what the multipliers have become, and the sigmoid.
+    `view` makes a field that of a view, with `more` parameters: it gives the field, its smoothing, what multipliers and
+    states have become that are gone, and the sigmoid.
     """
     whole = [*rates, *outputs.items()]
     pieces = [e for pair in whole for e in pair if isinstance(e, sp.Basic)]
@@ -231,14 +238,14 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled,
         plain = definition.read(rates, time, parameters, outputs, events, contacts, algebraic, sampled, one)
         if plain.controls:  # whose parameters no element has
             return None
-        template = _template(*(smooth(plain.field) if smooth else (plain.field,)), one=one)
+        template = _template(*(view(plain.field) if view else (plain.field,)), one=one)
         families = Families(template, tuple(f.n for f in one.families), one.links())
         far = [families.sizes[p.family] <= abs(p.offset) < LINKED for p in one.places.values()]
         least = max(TEMPLATE_FROM, LEVELS_FROM) if template.levels else TEMPLATE_FROM
         if min(families.sizes) < least or any(far):
             return None
         model = family_model(families)
-        return Element(plain, model, _values(families, one, {**(parameters or {}), **dict(widths)}), one.groups)
+        return Element(plain, model, _values(families, one, {**(parameters or {}), **dict(more)}), one.groups)
     except (ValueError, TypeError):
         # Definition errors too: the written-out system raises them again, in the user's names.
         return None
@@ -257,7 +264,7 @@ def _values(families, one, numbers):
     return {s: checks.parameter_value(s, values[s.name]) for s in symbols}
 
 
-def _template(field, smoothing=(), blended=(), sigmoid="algebraic", *, one):
+def _template(field, smoothing=(), gone=(), sigmoid="algebraic", *, one):
     if field.discs:
         raise NoTemplate("a disc")
     places = dict(one.places)
@@ -272,16 +279,24 @@ def _template(field, smoothing=(), blended=(), sigmoid="algebraic", *, one):
             raise NoTemplate("a contact of several families")
         places[R] = Place(of.pop(), R)
     beside = Neighbours(field, places, tuple(f.periodic for f in one.families))
-    if told := {s: p for s, p in places.items() if p.base in blended and p.offset}:  # multipliers of neighbours
-        gone = {s: beside.absent(p.family, p.offset) for s, p in told.items()}
-        values = {s: beside.at(blended[p.base], p.offset) for s, p in told.items()}
+    if told := {s: p for s, p in places.items() if p.base in gone and p.offset}:  # what neighbours had
+        absent = {s: beside.absent(p.family, p.offset) for s, p in told.items()}
+        values = {s: beside.at(gone[p.base], p.offset) for s, p in told.items()}
+        if any(places[s].base in gone for e in values.values() for s in beside.of(e)):
+            raise NoTemplate("elements that are slaved to each other")
         values = {
-            s: e if gone[s] == 0 else (1 - gone[s]) * e + gone[s] * told[s].outside for s, e in values.items()
+            s: e if absent[s] == 0 else (1 - absent[s]) * e + absent[s] * told[s].outside.xreplace(dict(gone))
+            for s, e in values.items()
         }
         field = field.map(lambda e: e.xreplace(values))
         for s in told:
             del places[s]
         beside.take(field)
+    beyond = [p.outside for p in places.values() if p.outside is not None]
+    if any(e.free_symbols & {*gone} for e in beyond):
+        raise NoTemplate("what is gone stands beyond an end")
+    for s in gone:
+        places.pop(s, None)
     neighbours = {s for s, p in places.items() if p.base != s and p.base is not None}
 
     def family(*expressions):
@@ -311,10 +326,10 @@ def _template(field, smoothing=(), blended=(), sigmoid="algebraic", *, one):
             for e in field.events
         ),
     )
-    shown = []  # what the multipliers of a smoothed view have become can be looked at
-    for lam, e in dict(blended).items():
-        mark = MARK if family(e) is not None and MARK not in lam.name else ""
-        shown.append((lam.name + mark, e))
+    shown = []  # what is gone can be looked at
+    for s, e in dict(gone).items():
+        mark = MARK if family(e) is not None and MARK not in s.name else ""
+        shown.append((s.name + mark, e))
     field = replace(field, outputs=(*field.outputs, *shown))
     event_families = []
     for event in (*field.events, *watch):
