@@ -13,7 +13,7 @@ friction_chain  blocks on a belt coupled by springs: a switch an element that sl
 implicit        an algebraic unknown and a sliding switch an element, and an unknown of the whole
 
 With implicit steps: `friction_chain` in its smoothed view (eps = 1e-3), `bristles` with method="stiff"; `run` is the
-whole span at rtol 1e-7.
+whole span at rtol 1e-7. Under noise: `friction_chain` in its smoothed view (eps = 0.05), white noise on each velocity.
 
 Columns: `setup` from the equations to machine code, without the kernels, which all models share (processor time, no
 cache); `lines` of the generated text; `rhs` and `jet` (order 16) one call of the compiled function, the crossing from
@@ -35,7 +35,7 @@ import numpy as np
 from benchtools import provenance, write_json
 from family_models import MODELS, t, template_from
 
-from pwsmooth import System, solve
+from pwsmooth import Diffusion, System, solve
 from pwsmooth.codegen import compile_model
 from pwsmooth.codegen.families.fields import FamilyFields
 from pwsmooth.codegen.families.writing import write_family_jets
@@ -43,6 +43,7 @@ from pwsmooth.codegen.fields import write_fields
 from pwsmooth.codegen.machine import native, vectors
 from pwsmooth.codegen.stiff import elements, functions
 from pwsmooth.codegen.taylor.jets import write_jets
+from pwsmooth.noise.diffusion_run import DiffusionRun
 from pwsmooth.paths.stiff_events import switched_by_events
 
 NAMES = ("slip_stick", "clipped", "bristles", "friction_chain", "implicit")
@@ -151,13 +152,31 @@ def implicit_steps(name, n, rounds, copies=False):
         looped = model.families is not None
         vectors.build(elements.FamilyStiff(model).texts()["stiff"] if looped else functions.stiff_text(model))
         spent = time.process_time() - begin
-        options = dict(method=method, rtol=1e-7)
-        solve(system, span, start, **options)
-        taken = []
-        for _ in range(rounds):
-            begin = time.process_time()
-            full = solve(system, span, start, **options)
-            taken.append(time.process_time() - begin)
+        return row(name, n, model, spent, rounds, system, span, start, method=method, rtol=1e-7)
+
+
+def under_noise(n, rounds, copies=False):
+    """The same of a smoothed view under white noise on every velocity."""
+    with template_from(10**9 if copies else 1):
+        begin = time.process_time()
+        arguments, start, span = MODELS["friction_chain"](n)
+        system = System(**({"time": t} | arguments)).smoothed(0.05)
+        noise = Diffusion({"w": 0.1}, step=(span[1] - span[0]) / 1024)
+        model = DiffusionRun(system, noise).lowered.model
+        for text in (FamilyFields(model).write() if model.families else write_fields(model)).values():
+            native.build(text)
+        spent = time.process_time() - begin
+        return row("under noise", n, model, spent, rounds, system, span, start, noise=noise)
+
+
+def row(name, n, model, spent, rounds, system, span, start, **options):
+    """A line of the table, with the median time of a run."""
+    solve(system, span, start, **options)
+    taken = []
+    for _ in range(rounds):
+        begin = time.process_time()
+        full = solve(system, span, start, **options)
+        taken.append(time.process_time() - begin)
     return {
         "model": name, "n": n, "form": "written out" if model.families is None else "looped", "setup (s)": spent,
         "run (ms)": 1e3 * statistics.median(taken), "steps": full.cost["steps"], "events": full.cost["events"],
@@ -185,12 +204,15 @@ def main():
                   f"{1e3 * r['period']:11.2f}{r['steps']:7d}{r['events']:8d}", flush=True)  # fmt: skip
     print(f"\n{'implicit steps':16}{'n':>6} {'form':12}{'setup s':>9}{'run ms':>11}{'steps':>7}{'events':>8}")
     implicit = []
-    for name in ("friction_chain", "bristles"):
+    for name in ("friction_chain", "bristles", "under noise"):
         for n, copies in [
             *((n, False) for n in arguments.n if n < 1000),
             *((n, True) for n in arguments.copies),
         ]:
-            r = implicit_steps(name, n, arguments.rounds, copies)
+            if name == "under noise":
+                r = under_noise(n, arguments.rounds, copies)
+            else:
+                r = implicit_steps(name, n, arguments.rounds, copies)
             implicit.append(r)
             print(f"{name:16}{n:6d} {r['form']:12}{r['setup (s)']:9.3f}{r['run (ms)']:11.2f}{r['steps']:7d}"
                   f"{r['events']:8d}", flush=True)  # fmt: skip

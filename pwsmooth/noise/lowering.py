@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import operator
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -116,10 +117,8 @@ def lower(model: Model, entries: tuple, extra: tuple, convention: str) -> Lowere
     turning, text = (_slipping(text, noise.spread, nearest) for nearest in (NEAREST, 0))
     if convention == "stratonovich":
         # A term with j = k is half of L_k g_k.
-        extra_drift = [sp.Add(*(e for (j, k), e in milstein.get(x, {}).items() if j == k)) for x in text.states]
-        turning, text = (
-            replace(m, rhs=tuple(f + c for f, c in zip(m.rhs, extra_drift))) for m in (turning, text)
-        )
+        more = [sp.Add(*(e for (j, k), e in milstein.get(x, {}).items() if j == k)) for x in text.states]
+        turning, text = (replace(m, rhs=tuple(map(operator.add, m.rhs, more))) for m in (turning, text))
     noise = noise.of_model(text)
     surfaces = [m.surface for m in text.multipliers] + [e.surface for e in text.events]
     spreads = tuple(map(noise.spread, surfaces))
@@ -168,12 +167,15 @@ def _differentiable(model, noise):
 
 
 def _milstein(noise, sources):
-    """State -> {(j, k): term with W_j W_k - delta_jk h}, j not after k; those that are not 0."""
+    """State -> {(j, k): term with W_j W_k - delta_jk h}, j not after k; those that are not 0.
+
+    L_j g_k is along[k][j].
+    """
     found: dict[sp.Symbol, dict[tuple[Source, Source], sp.Expr]] = {}
     for x, row in noise.rows.items():
-        along = {
-            k: noise.along(e) for k, e in row.items() if noise.moving(e) or noise.summed(e)
-        }  # along[k][j]: L_j g_k
+        if any(map(noise.summed, row.values())):
+            raise NoTemplate("an amplitude that reads a sum")
+        along = {k: noise.along(e) for k, e in row.items() if noise.moving(e)}
         reached = {*row, *(j for of in along.values() for j in of)} if along else set()
         if not reached <= set(sources):
             raise NoTemplate("an amplitude that reads neighbours under noise")
