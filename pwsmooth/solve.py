@@ -196,6 +196,9 @@ def solve(
     stiff = method == "stiff" and not smoothed
     threads = checks.optional(checks.integer(1))(threads, "`threads`")
     spending = opened(max_steps, max_seconds)
+    if stiff:
+        system = system._without_levels()
+        p = np.array(system.parameter_values, float)
     if local and (diffuses or smoothed or stiff):
         what = "a diffusion" if diffuses else "a smoothed view" if smoothed else "method='stiff'"
         raise ValueError(f"`local` is True, but {what} is a run of the whole system; leave it out.")
@@ -210,8 +213,8 @@ def solve(
             return run_locally(system, t0, t1, start, times, options, record, threads, spending)
         if record is not None:
             raise ValueError("`record` is given, but the run is not one of local events; leave it out.")
-        if model.families is not None and model.families.template.levels:
-            system = system._written_out()
+        if dense_output or rows:
+            system = system._without_levels()
             model, p = system.model, np.array(system.parameter_values, float)
         ready = prepared_run(model, options)
         if with_respect_to is not None and not ready.by_series:

@@ -509,6 +509,11 @@ class System(DescribedSystem):
         other.parameters = {p: values[p.name] for p in self.definition.parameters}
         return other
 
+    def _without_levels(self):
+        """This system, written out where a template has two levels for hidden static friction: they have no lambda."""
+        families = self.model.families
+        return self._written_out() if families and families.template.levels else self
+
     def _check_values(self):
         own = not self._view or self.model.families is not None
         of = self._element if self._element and own else self._field

@@ -17,12 +17,11 @@ def rho_of(r):
 
 def with_templates(build, *arguments, **options):
     """What `build` makes, families of any size by their template."""
-    before = one_element.TEMPLATE_FROM, one_element.LEVELS_FROM
-    one_element.TEMPLATE_FROM = one_element.LEVELS_FROM = 1
+    before, one_element.TEMPLATE_FROM = one_element.TEMPLATE_FROM, 1
     try:
         return build(*arguments, **options)
     finally:
-        one_element.TEMPLATE_FROM, one_element.LEVELS_FROM = before
+        one_element.TEMPLATE_FROM = before
 
 
 def belt(n, r, strengths, *, couple="chain", table=None, work=False):

@@ -28,7 +28,6 @@ from .singular import watched
 from .template import LINKED, MARK, Families, Level, Place, Template, family_model, named
 
 TEMPLATE_FROM = 8
-LEVELS_FROM = 100  # of hidden static friction: what has a template then runs by neighbourhoods alone
 
 
 class OneElement(Expansion):
@@ -241,8 +240,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled,
         template = _template(*(view(plain.field) if view else (plain.field,)), one=one)
         families = Families(template, tuple(f.n for f in one.families), one.links())
         far = [families.sizes[p.family] <= abs(p.offset) < LINKED for p in one.places.values()]
-        least = max(TEMPLATE_FROM, LEVELS_FROM) if template.levels else TEMPLATE_FROM
-        if min(families.sizes) < least or any(far):
+        if min(families.sizes) < TEMPLATE_FROM or any(far):
             return None
         model = family_model(families)
         return Element(plain, model, _values(families, one, {**(parameters or {}), **dict(more)}), one.groups)

@@ -13,7 +13,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import accumulate
 from typing import Any
 
@@ -253,6 +253,12 @@ class Families:
                 values[s] = self.symbol(s, k)
         return e.xreplace(values) if values else e
 
+    def of_parameters(self, e: sp.Expr, p: np.ndarray, family: int) -> np.ndarray:
+        """An expression in parameters, whose values are p, for every element of a family."""
+        first = self.starts("parameters")
+        values = [p[a:b] for a, b in zip(first, first[1:], strict=False)]
+        return np.broadcast_to(_numeric(self.template.model.parameters, e)(*values), self.sizes[family])
+
     def symbols(self, kind: str) -> Any:
         """All states or parameters, as a tuple or, of many, made when they are asked for."""
         if self.starts(kind)[-1] > MANY:
@@ -261,6 +267,11 @@ class Families:
         return tuple(
             self.symbol(s, k) for s, f in blocks for k in ([None] if f is None else range(self.sizes[f]))
         )
+
+
+@lru_cache(maxsize=256)
+def _numeric(symbols: tuple[sp.Symbol, ...], e: sp.Expr) -> Any:
+    return sp.lambdify(symbols, e, "numpy")
 
 
 class Item:

@@ -148,6 +148,7 @@ class Problem(Bundle):
     fold_bias: "f8[:]"  # parameters of the fold program: p, then the m entries of c and the statuses
     sigmoid: "int"  # fields of Sigmoid.model()
     weight: "f8[m]"  # eps_1 / eps_j
+    slip_share: "f8[m]"  # of the largest static friction that slip has; 0 where there are no two levels
     ratio: "f8[nz]"  # eps / time constant of the layered states; 0 = two-stage
 
 

@@ -174,9 +174,24 @@ class Diffusion:
         return [(name, source, e) for name, row in self.amplitude.items() for source, e in row.items()]
 
     def of_elements(self, states: Sequence[sp.Symbol], groups: Mapping[str, Sequence[str]]) -> list[Entry]:
-        """The entries in the symbols of a template, whose `states` these are: a source (name, 0) is each element's own.
+        """The entries in the symbols of one element of each family, which stands for all.
 
-        NoTemplate where one element does not tell what the others do.
+        Parameters
+        ----------
+        states : sequence of Symbol
+            States of one element and of the whole, in order.
+        groups : mapping of str to sequence of str
+            Names of a family's member in all elements.
+
+        Returns
+        -------
+        list of (int, (str, int or None), Expr)
+            As of `entries`; a source with a 0 is each element's own.
+
+        Raises
+        ------
+        ValueError
+            One element does not tell what the others do.
         """
         if isinstance(self.amplitude, sp.MatrixBase):
             raise NoTemplate("a row for each state")

@@ -18,7 +18,6 @@ import numpy as np
 import sympy as sp
 
 from ..definition import checks
-from ..definition.between import NoTemplate
 from ..definition.many import carried
 from ..paths.event_driven import EventDriven, Options
 from .diffusion import Diffusion
@@ -79,8 +78,6 @@ class DiffusionRun:
             text, parameters = template.model, zip(template.model.parameters, template.families("parameters"))
             values = {p: system.parameters[p] for p, family in parameters if family is None} | extra
             written = noise.of_elements(text.states, system.groups)
-            if template.levels:
-                raise NoTemplate("hidden static friction, which runs of all elements do not know as two levels")
         else:
             text, values = model, {**system.parameters, **extra}
             written = noise.entries(text.states, system.groups)

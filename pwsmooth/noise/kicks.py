@@ -145,11 +145,10 @@ def _size(value: Any, name: str) -> float:
 def _with_kicks(model: Model) -> tuple[Model, sp.Symbol]:
     """The model with one more time event, without an update of its own, and the symbol of its period.
 
-    Of a model with families the template gets it, as an event of the whole system. Where hidden static friction is two
-    levels, which runs of all elements do not know, they are written out.
+    Of a model with families the template gets it, as an event of the whole system.
     """
     families = model.families
-    if families is not None and not families.template.levels:
+    if families is not None:
         text, every = _with_kicks(families.template.model)
         template = replace(
             families.template, model=text, event_families=(*families.template.event_families, None)

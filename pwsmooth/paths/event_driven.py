@@ -20,6 +20,7 @@ from ..results.solution import Solution
 from . import memory
 from .budget import SLICE, Budget
 from .clock import instants_of_time
+from .levels import Levels
 from .problem import compiled_problem, longest_step
 from .tangents import Tape
 from .words import ambiguities_in_words, event_words, singular_cause
@@ -533,10 +534,13 @@ class EventDriven:
             once = families.told_once(kept["ambiguity"][:, 0]) if families else slice(None)
             ambiguities = ambiguities_in_words(self.model, kept["ambiguity_t"][once], kept["ambiguity"][once])
 
+        levels = Levels(families, problem.p)
+        levels.name_folds(events)
+
         def solution(t: Any, x: Any, mult: Any, status: Any, course: Any = None) -> Solution:
             return Solution(
-                system, t, x.T, mult.T, status.T, EventLog(event_t, events, self.words), dense, outcome, cost,
-                self.tolerances, ambiguities, system.parameters, course,
+                system, t, x.T, levels.show(mult.T, status.T), status.T, EventLog(event_t, events, self.words), dense,
+                outcome, cost, self.tolerances, ambiguities, system.parameters, course,
             )  # fmt: skip
 
         found = solution(t, x, mult, status, whole)

@@ -18,7 +18,7 @@ import sympy as sp
 from ..definition.model import Beside, Multiplier
 from ..definition.pointwise import value
 from ..definition.recording import Recorder
-from ..definition.template import LINKED, Level, family_model
+from ..definition.template import LINKED, family_model
 from ..kernels import state as names
 from ..kernels.local import state as local
 from ..results.assembly import Catalogue, Recorded, StoredLog, Writer
@@ -28,6 +28,7 @@ from ..results.solution import Solution
 from .budget import SLICE, Budget
 from .checkpoint import Saved, was_in_parts
 from .event_driven import order_for
+from .levels import Levels
 from .locality import MANY, few_elements, few_of, walls
 from .parts import PARTS, beside, cut
 from .patches import SmallSystem
@@ -248,7 +249,7 @@ class _Run:
                 own = A.kind.at[A.kind.at_first[q] : A.kind.at_first[q + 1]]
                 A.tick[:, q] = np.searchsorted(own, t0, side="right")
                 continue
-            every = A.every[:, q] = self._of_parameters(event.every)
+            every = A.every[:, q] = self.model.families.of_parameters(event.every, self.values, 0)
             if not (every > 0).all():
                 raise ValueError(f"Event {event.name!r}: `every` is {every.min():g}; give a period > 0.")
             first = np.floor(t0 / every).astype(np.int64)
@@ -266,7 +267,7 @@ class _Run:
     ) -> None:
         n, ns, nm, ne = self.n, self.ns, self.nm, self.ne
         offsets = self.code.offsets
-        values = np.array(self.system.parameter_values, float)
+        values = self.values = np.array(self.system.parameter_values, float)
         blocks = self.model.families.starts("parameters")
         of_all = np.setdiff1d(np.arange(len(self.p_fixed)), self.own_parameters)
         self.shared = self.p_fixed[of_all], self.p_blocks[of_all], values[[blocks[b] for b in of_all]]
@@ -316,9 +317,9 @@ class _Run:
         A.keeps[kept] = np.arange(len(kept))
         self.initial = None
         self._first_ticks(t0)
-        A.slip_share[:] = math.inf
-        for level in self.template.levels:
-            A.slip_share[:, level.multiplier] = self._of_parameters(level.slip / level.peak)
+        self.levels = Levels(self.model.families, values)
+        for b, (*_, share) in self.levels.of_block.items():
+            A.slip_share[:, b] = share
         for k in range(self.order + 1):
             A.shift[k * self.width : k * self.width + k + 1] = [math.comb(k, j) for j in range(k + 1)]
         for a, b in enumerate(self.own_parameters):
@@ -495,7 +496,7 @@ class _Run:
 
     def _log(self, event_t: np.ndarray, event: np.ndarray, event_x: np.ndarray) -> None:
         """Events into the log and the statistics."""
-        self._name_folds(event)
+        self.levels.name_folds(event)
         once = np.flatnonzero(self.model.families.told_once(event[:, 0]))
         if len(once) < len(event):
             event_t, event, event_x = event_t[once], event[once], event_x[once]
@@ -524,9 +525,8 @@ class _Run:
             names_of = {name: A.x_asked[:reached, :, b].T for b, name in enumerate(self.log.states)}
             for b, mu in enumerate(self.template.model.multipliers):
                 kept_mult = A.mult_asked[:reached, :, b].T
-                for level in self.template.levels:
-                    if level.multiplier == b:
-                        kept_mult = self._lambda(level, kept_mult, A.status_asked[:reached, :, b].T, kept)
+                if b in self.levels.of_block:
+                    kept_mult = self.levels.lambdas(b, kept_mult, A.status_asked[:reached, :, b].T, kept)
                 names_of[mu.symbol.name.replace("[]", "")] = kept_mult
             if len(kept):
                 recorded = Recorded(asked[:reached], tuple((kept + 1).tolist()), names_of)
@@ -553,7 +553,7 @@ class _Run:
         columns = self.log.columns()
         log = StoredLog(columns, A.kind.s_first.copy(), event_words(self.model))
         solution = Solution(
-            self.system, times, x, self._multipliers(mult, status), status, log, None, outcome, cost,
+            self.system, times, x, self.levels.show(mult, status), status, log, None, outcome, cost,
             tolerances, unsure, self.system.parameters, None,
         )  # fmt: skip
         catalogue = Catalogue(columns, self._surfaces(), self.log.states, A.near)
@@ -572,50 +572,6 @@ class _Run:
         """Of times, elements and blocks: a row a number, one alone of what belongs to all elements."""
         rows = [part[:, : self.n if each else 1, b].T for b, each in enumerate(own)]
         return np.concatenate([np.empty((0, len(part)), part.dtype), *rows])
-
-    def _name_folds(self, codes: np.ndarray) -> None:
-        """Where static friction is two levels, a bound of its sigma is the fold of lambda."""
-        first, n = self.model.families.starts("multipliers"), self.n
-        for level in self.template.levels:
-            at = first[level.multiplier]
-            own = (codes[:, 0] >= at) & (codes[:, 0] < at + n) & (codes[:, 1] == names.EV_TANGENCY)
-            own = np.flatnonzero(own)
-            folds = 1 + 3 * self._of_parameters(level.q) < 0  # else lambda comes to its bound before
-            codes[own[folds[codes[own, 0] - at]], 1] = names.EV_FOLD
-
-    def _of_parameters(self, e: Any) -> np.ndarray:
-        """An expression in parameters, of every element."""
-        symbols = self.template.model.parameters
-        values = np.array(self.system.parameter_values, float)
-        first = self.model.families.starts("parameters")
-        given = [values[a:b] for a, b in zip(first, first[1:], strict=False)]
-        return np.broadcast_to(_numeric(symbols, e)(*given), self.n)
-
-    def _multipliers(self, mult: np.ndarray, status: np.ndarray) -> np.ndarray:
-        """The multipliers, lambda in the place of sigma where static friction is two levels."""
-        first = self.model.families.starts("multipliers")
-        for level in self.template.levels:
-            for at in range(0, self.n, _LEAN):  # of some at a time: what lies between takes much room
-                some = np.arange(at, min(at + _LEAN, self.n))
-                rows = first[level.multiplier] + some
-                mult[rows] = self._lambda(level, mult[rows], status[rows], some)
-        return mult
-
-    def _lambda(self, level: Level, sigma: np.ndarray, status: np.ndarray, elements: np.ndarray) -> np.ndarray:
-        """Of some elements, a row each: lambda + q lambda^3 = peak sigma on the branch between the folds, by the triple
-        angle."""
-        q, peak = (self._of_parameters(e)[elements, None] for e in (level.q, level.peak))
-        size = np.sqrt(1 / (3 * np.maximum(np.abs(q), 1e-300)))
-        share = 1.5 * peak * sigma / size
-        held = 2 * size * np.sin(np.arcsin(np.clip(share, -1.0, 1.0)) / 3)
-        if (q >= 0).any():  # no fold at all
-            held = np.where(q > 0, 2 * size * np.sinh(np.arcsinh(share) / 3), np.where(q < 0, held, sigma))
-        return np.where(status == names.SOLVED, held, sigma)
-
-
-@functools.lru_cache(maxsize=256)
-def _numeric(symbols: tuple[sp.Symbol, ...], e: sp.Expr) -> Any:
-    return sp.lambdify(symbols, e, "numpy")
 
 
 def _blocks(numbers: np.ndarray) -> np.ndarray:

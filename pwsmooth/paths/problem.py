@@ -23,6 +23,7 @@ from ..definition.sigmoids import sigmoid
 from ..definition.singular import KINDS
 from ..kernels import state, work
 from ..kernels.step.tables import bernstein_tables, halving_tables, short_tables
+from .levels import Levels
 
 FEW = 3  # elements that tell what holds for one
 
@@ -35,16 +36,11 @@ class CompiledProblem:
 
     def __init__(self, model: Model, series: bool = True):
         self.model, self._scratch = model, threading.local()
-        if model.families and model.families.template.levels and max(model.families.sizes) > FEW:
-            raise ValueError(
-                f"a family of {max(model.families.sizes)} elements with hidden static friction runs event by event of "
-                "its elements, in solve() or in a sweep with `record`; give a smaller family, whose elements are "
-                "written out."
-            )
         code = self.code = compile_model(model)
         self.has_jets = series and code.has_jets
         # With families the text is that of one element, and `_numbers` writes what holds for it out.
         self._families = families = model.families
+        self._levels = bool(families and families.template.levels)
         self._text = text = families.template.model if families else model
         self._fixed_symbols = set(text.parameters) | (families.template.constants if families else set())
         self.kind = self._numbers("multipliers", [_kind(mu) for mu in text.multipliers])
@@ -238,6 +234,8 @@ class CompiledProblem:
         made.p[:] = p
         if self.ratios:
             made.ratio[:] = self._ratios_at(p)
+        if self._levels:
+            made.slip_share[:] = Levels(self._families, p).shares(self.code.m)
         return made
 
     def new_problem(self, p: np.ndarray, method: str = ""):
@@ -253,6 +251,7 @@ class CompiledProblem:
             fold_bias=np.zeros(len(p) + 2 * self.code.m),
             weight=1.0 / weight,
             ratio=self._ratios_at(p),
+            slip_share=Levels(self._families, p).shares(self.code.m),
             **fixed,
         )
 

@@ -198,6 +198,8 @@ def read_plan(
         if period is None and t_span is None and section is None:
             period, t_span = scene.period, None if scene.period else scene.t_span
     checks.system(system, "`system`")
+    if options.get("record") is None:
+        system = system._without_levels()
     checks.optional(checks.instance((Kicks, Diffusion), "Kicks(...) or Diffusion(...)"))(noise, "`noise`")
     direction = checks.one_of(1, -1)(direction, "`direction`")
     longest_return = checks.positive(longest_return, "`longest_return`")

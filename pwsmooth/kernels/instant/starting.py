@@ -8,6 +8,7 @@ from ..machine.pointers import call_fields
 from ..outcome import Outcome
 from ..state import (
     ALGEBRAIC,
+    AMB_SEVERAL_ROOTS,
     COMPONENT,
     CONTACT,
     DISC,
@@ -16,7 +17,7 @@ from ..state import (
     SLIDING,
     SOLVED,
 )
-from ..step.recording import record_point
+from ..step.recording import record_ambiguity, record_point
 from ..surface.sliding import INSIDE, is_at_rest, mask_instant, surface_rounding
 from ..surface.unknowns import solve_unknowns
 from .contacts import UNCHANGED, close_at_start, outcome_of
@@ -97,6 +98,9 @@ def start(P, C, S, R, W):
             if i >= m:
                 S.side[i - m] = 1 if order > 0 else -1
     record_point(P, S, R)
+    for j in range(m):
+        if P.slip_share[j] > 0.0 and status[j] == SOLVED and abs(mult[j]) > P.slip_share[j]:
+            record_ambiguity(S, R, j, AMB_SEVERAL_ROOTS, 0)  # slip would hold too
     if code == GO_ON and C.strict and S.ambiguities > 0:
         return Outcome.AMBIGUITY
     return code

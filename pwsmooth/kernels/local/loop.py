@@ -19,8 +19,7 @@ from ..intervals import forget_intervals
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_unit
 from ..outcome import Outcome
-from ..state import AGAIN, AMB_SEVERAL_ROOTS, GO_ON, SOLVED, Control, Problem, Record, State
-from ..step.recording import record_ambiguity
+from ..state import AGAIN, GO_ON, SOLVED, Control, Problem, Record, State
 from ..surface.sliding import follow, mask_solved
 from ..work import Work
 from .members import (
@@ -93,11 +92,6 @@ def _begin(A, P, C, S, R, W):
         if code != GO_ON:
             note_records(A, P, S, R)
             return code
-        for k in range(own):
-            for b in range(E.nm):
-                j = number_of(E, b, T.count, k)
-                if S.status[j] == SOLVED and abs(S.mult[j]) > A.slip_share[T.member[k], b]:
-                    record_ambiguity(S, R, j, AMB_SEVERAL_ROOTS, 0)  # slip would hold too
         note_records(A, P, S, R)
         scatter(A, P, S, W, own)
         for k in range(own):

@@ -254,6 +254,7 @@ def gather(A, P, C, S, W, t):
         for b in range(E.nm):
             j = number_of(E, b, M, k)
             S.mult[j], S.status[j] = A.mult[i, b], A.status[i, b]
+            P.slip_share[j] = A.slip_share[i, b]
             some = some or (not known and S.status[j] == SOLVED)
             for c in range(S.last.shape[1]):
                 S.last[j, c] = A.last[i, b, c]

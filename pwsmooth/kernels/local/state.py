@@ -188,9 +188,7 @@ class Assembly(Bundle):
     fired: "f8[elements, ne, 7]"
     every: "f8[elements, nt]"  # periods of the others
     tick: "i8[elements, nt]"  # which instant is next
-    slip_share: (
-        "f8[elements, nm]"  # of the largest static friction that slip has; inf where there are no two levels
-    )
+    slip_share: "f8[elements, nm]"
     stalled: "i1[elements]"
     minute: "i4[elements]"
     active: "i4[elements]"  # those that are renewed at the end of a slab, part by part
