@@ -42,9 +42,10 @@ class Family:
     -----
     From 8 elements on one element is lowered and the generated code loops over all, so that n does not matter for the
     time to set up. Contacts and friction between neighbours by a table, elements that act on each other's multipliers
-    otherwise, hidden terms on surfaces that slide (but for static friction), vector switches (`Disc`) and switches that can slide to second order (relays on positions) have no template: their elements are
-    written out, as are those of layered views with a layer of their own (ratios other than infinity). Smoothed views
-    are looped, with all of these but one: a layer around what a sum is in. In large families an event costs its neighbourhood alone: see `solve`.
+    otherwise, hidden terms on surfaces that slide (but for static friction), vector switches (`Disc`) and switches that
+    can slide to second order (relays on positions) have no template: their elements are written out, as are those of
+    layered views with a layer of their own (ratios other than infinity). Smoothed views are looped, with all of these
+    but one: a layer around what a sum is in. In large families an event costs its neighbourhood alone: see `solve`.
 
     Examples
     --------
