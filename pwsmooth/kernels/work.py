@@ -156,8 +156,11 @@ class Onset(Bundle):
     still: "i8[onset]"  # states that another stick keeps at 0, of which all else is rounding
     mult: "f8[m]"
     level: "f8[m + ne]"  # surfaces there
-    rate: "f8[8, m]"  # residuals at the nodes with the lambda guessed
-    toward: "f8[8, m]"  # that lambda
+    times: "f8[8]"  # of the nodes
+    lam: "f8[m, 8]"  # multipliers at the nodes
+    surfaces: "f8[m + ne, 8]"  # what the model gives there
+    residuals: "f8[m, 8]"
+    nudge: "f8[onset, 8]"  # by which states are moved to see slopes
     goal: "f8[m]"  # surfaces that a guess is to have
     forced: "i8[m]"  # discs that begin to slip and whose lambda acts on them
     slow: "i8[m]"  # discs whose slip has made explicit steps short

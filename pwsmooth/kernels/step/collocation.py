@@ -11,7 +11,7 @@ import numpy as np
 
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.lanes import load8, splat8, store8
-from ..machine.pointers import call_fields, call_linear, call_newton, powers8
+from ..machine.pointers import call_fields, call_fields8, call_linear, call_newton, powers8, sum8
 from ..state import DISC, SOLVED
 from ..surface.sliding import mask_solved
 from ..surface.sparse import factor_dense, solve_factored
@@ -79,6 +79,40 @@ def rates(P, S, W, t):
     return found
 
 
+@kernel
+def rates_at_nodes(P, S, W, t, h, y, k):
+    """Overwrites k, onset.surfaces and onset.residuals with what the model gives at the nodes of a step from t, for the
+    states y and the multipliers in onset.lam; of these the solved ones, False where they have no solution. S.x and
+    S.mult are of no node afterwards."""
+    onset, keep, found = W.onset, S.t, True
+    store8(onset.times, 0, load8(NODES, 0) * h + t)
+    one_by_one = onset.solves != 0 or P.fields8 == 0
+    for q in range(STAGES if one_by_one else 0):
+        S.t = onset.times[q]
+        for i in range(P.n):
+            S.x[i] = y[i, q]
+        for j in range(P.m):
+            if S.status[j] != SOLVED:  # that is sought from where it was at the node before
+                S.mult[j] = onset.lam[j, q]
+        if onset.solves:
+            mask_solved(P, S, W)
+            found = call_newton(P.newton_unit, P, S, W) != 0 and found
+            for j in range(P.m):
+                onset.lam[j, q] = S.mult[j]
+        if P.fields8 == 0:
+            call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+            for i in range(P.n):
+                k[i, q] = W.dx[i]
+            for i in range(P.m + P.ne):
+                onset.surfaces[i, q] = W.h[i]
+            for j in range(P.m):
+                onset.residuals[j, q] = W.g[j]
+    S.t = keep
+    if P.fields8 != 0:
+        call_fields8(P.fields8, onset.times, y, onset.lam, P.p, k, onset.surfaces, onset.residuals)
+    return found
+
+
 @inlined_kernel
 def _combined(columns, values):
     """The sum of the columns, each times its value, as a vector."""
@@ -110,42 +144,35 @@ def _nudge(P, W, q, i, reach):
 
 
 @kernel
-def _stage(P, S, W, q, t):
-    """Overwrites onset.k[:, q], the rates at node q; False if none."""
-    onset = W.onset
-    for i in range(P.n):
-        S.x[i] = onset.y[i, q]
-    found = rates(P, S, W, t)
-    for i in range(P.n):
-        onset.k[i, q] = W.dx[i]
-        found = found and abs(W.dx[i]) < math.inf
-    return found
-
-
-@kernel
-def _slopes(P, S, W, q, t):
-    """Overwrites onset.slope[..., q], the derivatives by the states in onset.columns of what _stage has just left."""
-    onset, n, reach = W.onset, P.n, 0.0
-    for i in range(n):
-        reach = max(reach, abs(onset.y[i, q] - onset.x[i]))
+def _slopes(P, S, W, t, h):
+    """Overwrites onset.slope, the derivatives by the states in onset.columns of what rates_at_nodes has just left."""
+    onset, n = W.onset, P.n
     for j in range(P.m):
-        onset.slips[j] = 0
-        if P.kind[j] == DISC and S.status[j] == 1:
-            onset.slips[j] = 1
-            onset.size[j] = math.sqrt(W.h[j])
-    call_linear(P.linear, t, S.x, S.mult, P.p, W.G, W.dh)
+        onset.slips[j] = 1 if P.kind[j] == DISC and S.status[j] == 1 else 0
+    for q in range(STAGES):
+        reach = 0.0
+        for i in range(n):
+            S.x[i] = onset.y[i, q]
+            reach = max(reach, abs(onset.y[i, q] - onset.x[i]))
+        for j in range(P.m):
+            S.mult[j] = onset.lam[j, q]
+            if onset.slips[j]:
+                onset.size[j] = math.sqrt(onset.surfaces[j, q])
+        call_linear(P.linear, onset.times[q], S.x, S.mult, P.p, W.G, W.dh)
+        for c in range(onset.narrow):
+            i = onset.columns[c]
+            nudge = _nudge(P, W, q, i, reach)
+            moved = (S.x[i] + nudge) - S.x[i]
+            onset.nudge[c, q] = moved if moved != 0.0 else 4e-16 * abs(S.x[i])
     for c in range(onset.narrow):
         i = onset.columns[c]
-        nudge, keep = _nudge(P, W, q, i, reach), S.x[i]
-        S.x[i] = keep + nudge
-        moved = S.x[i] - keep
-        if moved == 0.0:
-            moved = 4e-16 * abs(keep)
-            S.x[i] = keep + moved
-        rates(P, S, W, t)
+        keep = load8(onset.y[i], 0)
+        store8(onset.y[i], 0, keep + load8(onset.nudge[c], 0))
+        rates_at_nodes(P, S, W, t, h, onset.y, onset.change)
+        store8(onset.y[i], 0, keep)
         for r in range(n):
-            onset.slope[r, c, q] = (W.dx[r] - onset.k[r, q]) / moved
-        S.x[i] = keep
+            change = load8(onset.change[r], 0) - load8(onset.k[r], 0)
+            store8(onset.slope[r, c], 0, change / load8(onset.nudge[c], 0))
 
 
 @kernel
@@ -214,18 +241,24 @@ def solve(P, C, S, W, t, h):
     """Newton's method for the states at the nodes, with slopes anew where it is slow; whether it converges."""
     onset, n = W.onset, P.n
     before, anew, fresh = math.inf, True, False
+    for j in range(P.m):
+        store8(onset.lam[j], 0, splat8(S.mult[j]))
     _choose_columns(P, S, W, False)
     for sweep in range(_SWEEPS):
         if sweep >= _NARROW and anew and fresh and onset.narrow < n:
             _choose_columns(P, S, W, True)
         fresh = anew
-        for q in range(STAGES):
-            if not _stage(P, S, W, q, t + NODES[q] * h):
-                return False
-            if anew:
-                _slopes(P, S, W, q, t + NODES[q] * h)
-        if anew and not _factor(P, W, h):
+        if not rates_at_nodes(P, S, W, t, h, onset.y, onset.k):
             return False
+        total = 0.0
+        for i in range(n):
+            total += sum8(load8(onset.k[i], 0))
+        if not abs(total) < math.inf:
+            return False
+        if anew:
+            _slopes(P, S, W, t, h)
+            if not _factor(P, W, h):
+                return False
         _newton_step(P, W, h)
         change, total = 0.0, 0.0
         for i in range(n):
@@ -274,14 +307,11 @@ def polynomials(P, S, W, h):
     for i in range(m + P.ne):
         rows[n + m + i, 0] = onset.level[i]
     # Of what is no state the values at the nodes, less that at the start, over the time since: one order less.
-    for q in range(STAGES):
-        for i in range(n):
-            S.x[i] = onset.y[i, q]
-        rates(P, S, W, S.t + NODES[q] * h)
-        for r in range(2 * m + P.ne):
-            now = S.mult[r] if r < m else W.h[r - m]
-            change = (now - rows[n + r, 0]) / (NODES[q] * h)
-            store8(rows[n + r], 1, load8(rows[n + r], 1) + load8(_LAGRANGE[q], 0) * change * scale)
+    rates_at_nodes(P, S, W, S.t, h, onset.y, onset.change)
+    for r in range(2 * m + P.ne):
+        now = load8(onset.lam[r], 0) if r < m else load8(onset.surfaces[r - m], 0)
+        store8(onset.rest, 0, (now - splat8(rows[n + r, 0])) / (load8(NODES, 0) * h))
+        store8(rows[n + r], 1, _combined(_LAGRANGE, onset.rest) * scale)
 
 
 @kernel

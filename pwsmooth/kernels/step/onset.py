@@ -14,13 +14,14 @@ from numba import types
 
 from ..intervals import time_size
 from ..machine.compiling import kernel, unit
+from ..machine.lanes import load8, splat8, store8
 from ..machine.pointers import call_fields, call_newton
 from ..state import DISC, SOLVED, START, Control, Problem, State
 from ..surface.dependent import gather_leaving, load_of_leaving, pace_of_leaving
 from ..surface.sliding import INSIDE, put_in_slip
 from ..surface.vector import begins, invert_slopes, push_of_disc, slopes_of_disc
 from ..work import Work
-from .collocation import NODES, WEIGHTS, integrate, misfit, polynomials, rates, solve
+from .collocation import NODES, integrate, misfit, polynomials, rates_at_nodes, solve
 from .tables import STAGES
 
 _TRIES, _PICARD = 40, 3
@@ -53,15 +54,21 @@ def _slaved(P, S, W, j):
 
 
 @kernel
-def _stand(P, S, W, q, t):
-    """Puts S at node q, with the lambda that would hold in slips that the force leads; returns its excess over 1."""
-    excess = 0.0
-    for i in range(P.n):
-        S.x[i] = W.onset.y[i, q]
-    S.t = t
-    for j in range(P.m):
-        if _slaved(P, S, W, j):
-            excess += _follow_force(P, S, W, j)
+def _stand(P, S, W, h):
+    """Overwrites onset.lam, the multipliers at the nodes, in slips that the force leads by the lambda that would hold
+    them; returns its excess over 1 at the last node."""
+    onset, t0, excess = W.onset, S.t, 0.0
+    for q in range(STAGES):
+        excess = 0.0
+        for i in range(P.n):
+            S.x[i] = onset.y[i, q]
+        S.t = t0 + NODES[q] * h
+        for j in range(P.m):
+            if _slaved(P, S, W, j):
+                excess += _follow_force(P, S, W, j)
+        for j in range(P.m):
+            onset.lam[j, q] = S.mult[j]
+    S.t = t0
     return excess
 
 
@@ -69,24 +76,17 @@ def _stand(P, S, W, q, t):
 def _guess_path(P, S, W, h):
     """Overwrites onset.y with the motion by the lambda that all but holds, to the fourth order in h (Picard) where that
     matters: what it slips is as little as the force is more, and its own direction does not stand out from less."""
-    onset, n, t0, excess = W.onset, P.n, S.t, math.inf
-    for q in range(STAGES):
-        for i in range(n):
-            onset.y[i, q] = onset.x[i] + NODES[q] * h * onset.first[i]
+    onset, n, excess = W.onset, P.n, math.inf
+    for i in range(n):
+        store8(onset.y[i], 0, load8(NODES, 0) * (h * onset.first[i]) + onset.x[i])
     for _ in range(_PICARD):
-        before = excess
-        for q in range(STAGES):
-            excess = _stand(P, S, W, q, t0 + NODES[q] * h)
-            rates(P, S, W, S.t)
-            for i in range(n):
-                onset.k[i, q] = W.dx[i]
+        before, excess = excess, _stand(P, S, W, h)
+        rates_at_nodes(P, S, W, S.t, h, onset.y, onset.k)
         for i in range(n):
             integrate(W, h, onset.k[i])
-            for q in range(STAGES):
-                onset.y[i, q] = onset.x[i] + onset.sums[q]
+            store8(onset.y[i], 0, load8(onset.sums, 0) + onset.x[i])
         if abs(excess - before) <= _SAME_EXCESS * abs(excess):
             break
-    S.t = t0
 
 
 @kernel
@@ -95,16 +95,15 @@ def _guess_as_one(P, S, W, h):
     onset, group, t0 = W.onset, W.together, S.t
     for q in range(STAGES):
         _go_along(P, S, W, t0, NODES[q] * h)
-        onset.rate[q, 0] = pace_of_leaving(P, S, W)
+        onset.rest[q] = pace_of_leaving(P, S, W)
         for j in range(P.m):
-            onset.toward[q, j] = group.move[j]
+            onset.lam[j, q] = group.move[j]
+    integrate(W, h, onset.rest)
     for q in range(STAGES):
         _go_along(P, S, W, t0, NODES[q] * h)
-        way = 0.0
-        for r in range(STAGES):
-            way += h * WEIGHTS[q, r] * onset.rate[r, 0]
+        way = onset.sums[q]
         for j in range(P.m):
-            onset.goal[j] = onset.toward[q, j]
+            onset.goal[j] = onset.lam[j, q]
         for _ in range(_PROJECTIONS):  # none of these surfaces can be moved without the others
             for j in range(P.m):
                 if begins(P, S, j):
@@ -127,14 +126,21 @@ def _guess(P, S, W, h):
             _guess_path(P, S, W, h)
         return
     _guess_path(P, S, W, h)
-    for q in range(STAGES):
-        _stand(P, S, W, q, t0 + NODES[q] * h)
-        for j in range(P.m):
-            if _slaved(P, S, W, j) or begins(P, S, j):
-                push_of_disc(P, S, W, j)
-        for j in range(P.m):
-            onset.rate[q, j] = W.g[j]
-            onset.toward[q, j] = S.mult[j]
+    _stand(P, S, W, h)
+    rates_at_nodes(P, S, W, t0, h, onset.y, onset.change)
+    # What they slip, or move in the direction of an acceleration, in the place of its rates.
+    for j in range(P.m):
+        if _slaved(P, S, W, j):
+            rate = splat8(0.0)
+            for k in range(j + 1, j + 1 + P.dim[j]):
+                rate = rate + load8(onset.lam[k], 0) * load8(onset.residuals[k], 0)
+            store8(onset.residuals[j], 0, rate)
+            integrate(W, h, onset.residuals[j])
+            store8(onset.residuals[j], 0, load8(onset.sums, 0))
+        elif begins(P, S, j):
+            for k in range(j + 1, j + 1 + P.dim[j]):
+                integrate(W, h, onset.residuals[k])
+                store8(onset.residuals[k], 0, load8(onset.sums, 0))
     for q in range(STAGES):
         for i in range(P.n):
             S.x[i] = onset.y[i, q]
@@ -142,18 +148,13 @@ def _guess(P, S, W, h):
         for j in range(P.m):
             if _slaved(P, S, W, j):
                 start = math.sqrt(onset.level[j])
-                way = start
-                for r in range(STAGES):
-                    for k in range(j + 1, j + 1 + P.dim[j]):
-                        way += h * WEIGHTS[q, r] * onset.toward[r, k] * onset.rate[r, k]
+                way = start + onset.residuals[j, q]
                 for k in range(j + 1, j + 1 + P.dim[j]):
-                    onset.goal[k] = onset.toward[q, k]
+                    onset.goal[k] = onset.lam[k, q]
                 put_in_slip(P, S, j, max(abs(way) if start == 0.0 else way, _LEFT * start), onset.goal, W)
             elif begins(P, S, j):
                 for k in range(j + 1, j + 1 + P.dim[j]):
-                    onset.goal[k] = 0.0
-                    for r in range(STAGES):
-                        onset.goal[k] += h * WEIGHTS[q, r] * onset.rate[r, k]
+                    onset.goal[k] = onset.residuals[k, q]
                 put_in_slip(P, S, j, 1.0, onset.goal, W)
         for i in range(P.n):
             onset.y[i, q] = S.x[i]

@@ -109,11 +109,11 @@ def factor_dense(A, lower, size):
     for i in range(size):
         A[i, size] = i
     for i in range(size):
-        best, first = i, i - i % 8
+        best, first, largest = i, i - i % 8, abs(A[i, i])
         for r in range(i + 1, size):
-            if abs(A[i, r]) > abs(A[i, best]):
-                best = r
-        if not abs(A[i, best]) > 0.0:
+            if abs(A[i, r]) > largest:
+                best, largest = r, abs(A[i, r])
+        if not largest > 0.0:
             return False
         if best != i:
             A[i, size], A[best, size] = A[best, size], A[i, size]
