@@ -160,6 +160,7 @@ class Onset(Bundle):
     lam: "f8[m, 8]"  # multipliers at the nodes
     surfaces: "f8[m + ne, 8]"  # what the model gives there
     residuals: "f8[m, 8]"
+    excess: "f8[m]"  # of the force over the friction, at the last node
     nudge: "f8[onset, 8]"  # by which states are moved to see slopes
     goal: "f8[m]"  # surfaces that a guess is to have
     forced: "i8[m]"  # discs that begin to slip and whose lambda acts on them

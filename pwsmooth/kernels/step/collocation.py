@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from ..machine.compiling import inlined_kernel, kernel
-from ..machine.lanes import load8, splat8, store8
+from ..machine.lanes import largest8, load8, splat8, store8, vabs, vmax
 from ..machine.pointers import call_fields, call_fields8, call_linear, call_newton, powers8, sum8
 from ..state import DISC, SOLVED
 from ..surface.sliding import mask_solved
@@ -260,20 +260,18 @@ def solve(P, C, S, W, t, h):
             if not _factor(P, W, h):
                 return False
         _newton_step(P, W, h)
-        change, total = 0.0, 0.0
+        worst, total = splat8(0.0), splat8(0.0)
         for i in range(n):
-            known = h * _rate_rounding(W, i)
-            for q in range(STAGES):
-                step = onset.change[i, q]
-                # Beside the way since the start: of a slip that has just begun its own size is what matters.
-                way = abs(onset.y[i, q] - onset.x[i]) + 10.0 * C.atol[i]
-                if onset.still[i] == 0:
-                    change = max(change, (abs(step) - 4e-15 * abs(onset.y[i, q]) - known) / way)
-                total += step
+            step, y, known = load8(onset.change[i], 0), load8(onset.y[i], 0), h * _rate_rounding(W, i)
+            # Beside the way since the start: of a slip that has just begun its own size is what matters.
+            if onset.still[i] == 0:
+                way = vabs(y - splat8(onset.x[i])) + 10.0 * C.atol[i]
+                worst = vmax(worst, (vabs(step) - vabs(y) * 4e-15 - splat8(known)) / way)
+            total = total + step
+        change, total = largest8(worst), sum8(total)
         share = min(1.0, _DAMPED / change) if anew else 1.0
-        for q in range(STAGES):
-            for i in range(n):
-                onset.y[i, q] += share * onset.change[i, q]
+        for i in range(n):
+            store8(onset.y[i], 0, load8(onset.y[i], 0) + load8(onset.change[i], 0) * share)
         if not abs(total) < math.inf or (anew and sweep > 12 and change > before):
             return False
         pace = min(1.0, change / before) if sweep > 0 else 1.0

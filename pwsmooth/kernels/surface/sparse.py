@@ -14,6 +14,7 @@ from ..state import CROSSING, KINK, SOLVED
 
 # Of what it was: an entry that elimination leaves so little of is 0, in whatever units rows and unknowns are.
 _CANCELLED = 4e-15
+_WORTH_A_SWAP = 0.1  # of the largest entry of a column: a pivot as large as that stays where it is
 _SHORT = 16  # entries of a row, up to which one is as soon found by looking at all
 
 
@@ -99,8 +100,8 @@ def solve_dense(A, size, count):
 
 @kernel
 def factor_dense(A, lower, size):
-    """Factors A[:size, :size], whose column c is A[c] and whose size is a multiple of 8, with partial pivoting; False
-    if singular.
+    """Factors A[:size, :size], whose column c is A[c] and whose size is a multiple of 8, with pivots that are not
+    small in their columns; False if singular.
 
     Eight entries of a column go at once: so each factor stands with zeros in the place of the other, the lower one in
     `lower`, and 1 is left out of the diagonal of both, which is 1/lower[:, size] of the upper one. A[:, size] is the
@@ -109,7 +110,7 @@ def factor_dense(A, lower, size):
     for i in range(size):
         A[i, size] = i
     for i in range(size):
-        best, first, largest = i, i - i % 8, abs(A[i, i])
+        best, first, largest = i, i - i % 8, abs(A[i, i]) / _WORTH_A_SWAP
         for r in range(i + 1, size):
             if abs(A[i, r]) > largest:
                 best, largest = r, abs(A[i, r])
