@@ -14,7 +14,7 @@ from ..machine.lanes import largest8, load8, splat8, store8, vabs, vmax
 from ..machine.pointers import call_fields, call_fields8, call_linear, call_newton, powers8, sum8
 from ..state import DISC, SOLVED
 from ..surface.sliding import mask_solved
-from ..surface.sparse import factor_dense, solve_factored
+from ..surface.sparse import invert_dense, solve_inverted
 from .tables import STAGES
 
 _LEGENDRE = np.polynomial.legendre
@@ -192,8 +192,8 @@ def _choose_columns(P, S, W, all_of_them):
 
 
 @kernel
-def _factor(P, W, h):
-    """Factors the matrix of Newton's method for the states in onset.columns; False if it is singular."""
+def _invert(P, W, h):
+    """Inverts the matrix of Newton's method for the states in onset.columns; False if it is singular."""
     onset, A, width = W.onset, W.onset.matrix, W.onset.narrow
     for c in range(width):
         for s in range(STAGES):
@@ -201,7 +201,7 @@ def _factor(P, W, h):
             for r in range(width):
                 store8(column, r * STAGES, load8(_COLUMNS[s], 0) * (-h * onset.slope[onset.columns[r], c, s]))
             column[c * STAGES + s] += 1.0
-    return factor_dense(A, onset.lower, STAGES * width)
+    return invert_dense(A, onset.rest, onset.found, STAGES * width)
 
 
 @kernel
@@ -214,7 +214,7 @@ def _newton_step(P, W, h):
         store8(onset.change[r], 0, _combined(_COLUMNS, onset.k[r]) * h - way)
     for c in range(width):
         store8(onset.rest, c * STAGES, load8(onset.change[onset.columns[c]], 0))
-    solve_factored(onset.matrix, onset.lower, STAGES * width, onset.rest, onset.found)
+    solve_inverted(onset.matrix, STAGES * width, onset.rest, onset.found)
     for r in range(n):
         rest = splat8(0.0)
         for c in range(width):
@@ -257,7 +257,7 @@ def solve(P, C, S, W, t, h):
             return False
         if anew:
             _slopes(P, S, W, t, h)
-            if not _factor(P, W, h):
+            if not _invert(P, W, h):
                 return False
         _newton_step(P, W, h)
         worst, total = splat8(0.0), splat8(0.0)
