@@ -201,7 +201,7 @@ def _invert(P, W, h):
             for r in range(width):
                 store8(column, r * STAGES, load8(_COLUMNS[s], 0) * (-h * onset.slope[onset.columns[r], c, s]))
             column[c * STAGES + s] += 1.0
-    return invert_dense(A, onset.rest, onset.found, STAGES * width)
+    return invert_dense(A, onset.rest, STAGES * width)
 
 
 @kernel

@@ -8,6 +8,8 @@ of them, a multiplier of the whole system, is a hub and is eliminated last (Schu
 O(n), not O(n^3).
 """
 
+import numpy as np
+
 from ..machine.compiling import kernel
 from ..machine.lanes import load8, splat8, store8
 from ..state import CROSSING, KINK, SOLVED
@@ -15,6 +17,7 @@ from ..state import CROSSING, KINK, SOLVED
 # Of what it was: an entry that elimination leaves so little of is 0, in whatever units rows and unknowns are.
 _CANCELLED = 4e-15
 _WORTH_A_SWAP = 0.1  # of the largest entry of a column: a pivot as large as that stays where it is
+_UNIT = np.eye(1, 16, 8)[0]  # whose eight entries from 8 - i on are 1 at i, else 0
 _SHORT = 16  # entries of a row, up to which one is as soon found by looking at all
 
 
@@ -99,15 +102,15 @@ def solve_dense(A, size, count):
 
 
 @kernel
-def invert_dense(A, column, scale, size):
+def invert_dense(A, row, size):
     """Overwrites A[:size, :size], whose column c is A[c] and whose size is a multiple of 8, by its inverse, with pivots
-    that are not small in their columns; False if singular. A[:, size] is the order of the rows.
+    that are not small in their columns; False if singular. A[:, size] is the order of the rows, `row` is overwritten.
 
     Eight entries of a column go at once. A solution is then a sum of columns: with factors each unknown would wait for
     the one before, and Newton's method needs several.
     """
     for i in range(size):
-        A[i, size], scale[i] = i, 1.0
+        A[i, size] = i
     for i in range(size):
         best, largest = i, abs(A[i, i]) / _WORTH_A_SWAP
         for r in range(i + 1, size):
@@ -119,17 +122,18 @@ def invert_dense(A, column, scale, size):
             A[i, size], A[best, size] = A[best, size], A[i, size]
             for c in range(size):
                 A[c, i], A[c, best] = A[c, best], A[c, i]
-        inverse = 1.0 / A[i, i]
-        for r in range(0, size, 8):
-            store8(column, r, load8(A[i], r) * inverse)
-            store8(A[i], r, splat8(0.0))
-        column[i], A[i, i], scale[i] = 0.0, 1.0, inverse
+        pivot = A[i, i]
         for c in range(size):
-            other = A[c]
-            factor = other[i]
-            for r in range(0, size, 8):
-                store8(other, r, load8(other, r) * load8(scale, r) - load8(column, r) * factor)
-        scale[i] = 1.0
+            row[c] = A[c, i]
+        row[i] = 1.0
+        for r in range(0, size, 8):
+            place = i - r
+            own = load8(_UNIT, 8 - place) if 0 <= place < 8 else splat8(0.0)
+            other = 1.0 - own
+            column, scale = load8(A[i], r) * (1.0 / pivot) * other, own * (1.0 / pivot) + other
+            store8(A[i], r, own)
+            for c in range(size):
+                store8(A[c], r, load8(A[c], r) * scale - column * row[c])
     return True
 
 
