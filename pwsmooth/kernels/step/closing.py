@@ -251,7 +251,7 @@ def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
     along, turns = _closing_rates(P, S, W, j, size, y, k, 0), 0.0
     for i in range(d):
         turns = max(turns, abs(k[0, i]))
-    step = 0.5 / (W.layer.pace * pull)
+    step = 2.0 / (W.layer.pace * pull)
     for i in range(P.m):
         W.step.mult[i] = S.mult[i]
     for _ in range(most):
