@@ -66,7 +66,6 @@ class Compiled:
         if name not in texts:
             return None
         load = importlib.import_module(f".machine.{made_by}", __package__).load
-
         code = load(texts[name], self._sizes, self._tables)
         self._modules.append(code)
         return code
@@ -130,7 +129,8 @@ class Compiled:
         """
         key = "tangent", what, name
         if key not in self._loaded:
-            self._loaded[key] = self._load(self._tangents(what), name, "columns" if what == "columns" else "native")
+            made_by = "columns" if what == "columns" else "native"
+            self._loaded[key] = self._load(self._tangents(what), name, made_by)
         return self._loaded[key]
 
     @cached_property

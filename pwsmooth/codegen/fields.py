@@ -76,7 +76,8 @@ def write_fields(model: Model) -> dict[str, str]:
     """Sources of the pointwise functions: {"fields": text, ...}.
 
     `fields`, `linear` and `act` are always there, so that kernels may call them unasked; `outputs` and `layer`
-    only where the model has any, and `fields8` (lanes.py) where it has discs and vectors tell them. Each is a module of its own, loaded when it is asked for.
+    only where the model has any, and `fields8` (lanes.py) where it has discs and can be computed on vectors. Each is a
+    module of its own, loaded when it is asked for.
     """
     graph = Graph(model)
     rates = [graph.expression(e) for e in model.rhs]

@@ -171,7 +171,7 @@ class Onset(Bundle):
     y: "f8[onset, 8]"  # states at the nodes
     k: "f8[onset, 8]"  # rates
     slope: "f8[onset, onset, 8]"  # their derivatives by the states
-    matrix: "f8[8*onset, 8*onset + 8]"  # of Newton's method, by columns, then its inverse; the order of its rows
+    matrix: "f8[8*onset, 8*onset + 8]"  # of Newton's method, by columns, then its inverse; its rows' order
     inverse: "f8[m, 3]"  # of dG/dlambda of each disc at the start, in the rows of its components
     rest: "f8[8*onset]"  # its right-hand side
     found: "f8[8*onset]"  # and solution

@@ -82,34 +82,37 @@ def rates(P, S, W, t):
 @kernel
 def rates_at_nodes(P, S, W, t, h, y, k):
     """Overwrites k, onset.surfaces and onset.residuals with what the model gives at the nodes of a step from t, for the
-    states y and the multipliers in onset.lam; of these the solved ones, False where they have no solution. S.x and
-    S.mult are of no node afterwards."""
+    states y and the multipliers in onset.lam; of these the solved ones, False where they have no solution."""
     onset, keep, found = W.onset, S.t, True
     store8(onset.times, 0, load8(NODES, 0) * h + t)
-    one_by_one = onset.solves != 0 or P.fields8 == 0
-    for q in range(STAGES if one_by_one else 0):
+    mask_solved(P, S, W)
+    for q in range(STAGES if onset.solves else 0):
         S.t = onset.times[q]
         for i in range(P.n):
             S.x[i] = y[i, q]
         for j in range(P.m):
-            if S.status[j] != SOLVED:  # that is sought from where it was at the node before
+            if not W.mask[j]:  # what is solved for is sought from where it was at the node before
                 S.mult[j] = onset.lam[j, q]
-        if onset.solves:
-            mask_solved(P, S, W)
-            found = call_newton(P.newton_unit, P, S, W) != 0 and found
-            for j in range(P.m):
-                onset.lam[j, q] = S.mult[j]
-        if P.fields8 == 0:
-            call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-            for i in range(P.n):
-                k[i, q] = W.dx[i]
-            for i in range(P.m + P.ne):
-                onset.surfaces[i, q] = W.h[i]
-            for j in range(P.m):
-                onset.residuals[j, q] = W.g[j]
+        found = call_newton(P.newton_unit, P, S, W) != 0 and found
+        for j in range(P.m):
+            onset.lam[j, q] = S.mult[j]
     S.t = keep
     if P.fields8 != 0:
         call_fields8(P.fields8, onset.times, y, onset.lam, P.p, k, onset.surfaces, onset.residuals)
+        return found
+    x, mult = W.step.x, W.step.mult
+    for q in range(STAGES):
+        for i in range(P.n):
+            x[i] = y[i, q]
+        for j in range(P.m):
+            mult[j] = onset.lam[j, q]
+        call_fields(P.fields, onset.times[q], x, mult, P.p, W.dx, W.h, W.g)
+        for i in range(P.n):
+            k[i, q] = W.dx[i]
+        for i in range(P.m + P.ne):
+            onset.surfaces[i, q] = W.h[i]
+        for j in range(P.m):
+            onset.residuals[j, q] = W.g[j]
     return found
 
 
