@@ -9,6 +9,7 @@ symbolic work nor compilation. Chain: model.py -> dag.py, scalar.py, fields.py, 
 
 from __future__ import annotations
 
+import importlib
 from functools import cached_property
 from weakref import WeakValueDictionary
 
@@ -32,8 +33,8 @@ class Compiled:
     model : Model
     n, m, ne, nz, np : int
         Numbers of states (memories included), multipliers, events, layer states, parameters.
-    fields, linear, act, outputs, layer : int
-        Addresses of the pointwise functions (fields.py), 0 where the model has none. Loaded when asked for.
+    fields, fields8, linear, act, outputs, layer : int
+        Addresses of the pointwise functions (fields.py, lanes.py), 0 where the model has none. Loaded when asked for.
     jet_slip, jet_general : int
         Addresses of the Taylor programs (jets.py), 0 where the model has none.
     has_jets : bool
@@ -61,14 +62,10 @@ class Compiled:
         self._modules: list = []  # keeps the machine code alive
         self._loaded: dict = {}
 
-    def _load(self, texts, name: str, columns: bool = False):
+    def _load(self, texts, name: str, made_by: str = "native"):
         if name not in texts:
             return None
-        if columns:
-            from .machine.columns import load
-        else:
-            from .machine.native import load
-
+        load = importlib.import_module(f".machine.{made_by}", __package__).load
         code = load(texts[name], self._sizes, self._tables)
         self._modules.append(code)
         return code
@@ -79,7 +76,8 @@ class Compiled:
 
     def _module(self, name: str):
         if name not in self._loaded:
-            self._loaded[name] = self._load(self._fields, name)
+            made_by = "vectors" if name == "fields8" else "native"
+            self._loaded[name] = self._load(self._fields, name, made_by)
         return self._loaded[name]
 
     @cached_property
@@ -131,7 +129,8 @@ class Compiled:
         """
         key = "tangent", what, name
         if key not in self._loaded:
-            self._loaded[key] = self._load(self._tangents(what), name, what == "columns")
+            made_by = "columns" if what == "columns" else "native"
+            self._loaded[key] = self._load(self._tangents(what), name, made_by)
         return self._loaded[key]
 
     @cached_property
@@ -145,6 +144,10 @@ class Compiled:
     @cached_property
     def fields(self) -> int:
         return self._address("fields")
+
+    @cached_property
+    def fields8(self) -> int:
+        return self._address("fields8")
 
     @cached_property
     def linear(self) -> int:

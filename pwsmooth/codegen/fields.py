@@ -21,6 +21,7 @@ from ..definition.model import Model
 from .graph.dag import Graph
 from .graph.scalar import HELPERS, ScalarCode, Writer, write_update
 from .graph.slopes import derivative
+from .lanes import lanes_text
 
 
 class Source:
@@ -75,14 +76,16 @@ def write_fields(model: Model) -> dict[str, str]:
     """Sources of the pointwise functions: {"fields": text, ...}.
 
     `fields`, `linear` and `act` are always there, so that kernels may call them unasked; `outputs` and `layer`
-    only where the model has any. Each is a module of its own, loaded when it is asked for.
+    only where the model has any, and `fields8` (lanes.py) where it has discs and can be computed on vectors. Each is a
+    module of its own, loaded when it is asked for.
     """
     graph = Graph(model)
     rates = [graph.expression(e) for e in model.rhs]
     residuals = [graph.expression(m.condition) for m in model.multipliers]
     h = surfaces(graph)
     sources = {name: Source() for name in ("fields", "linear", "act", "outputs", "layer")}
-    store(sources["fields"], graph, "fields", "t, x, mult, p, dx, h, g", {"dx": rates, "h": h, "g": residuals})
+    arrays = {"dx": rates, "h": h, "g": residuals}
+    store(sources["fields"], graph, "fields", "t, x, mult, p, dx, h, g", arrays)
     unknowns = [graph.var("mult", j) for j in range(len(model.multipliers))]
     states = [graph.var("x", i) for i in range(len(model.states))]
     gradients = [{i: derivative(graph, s, states[i]) for i in graph.variables(s, "x")} for s in h]
@@ -121,7 +124,10 @@ def write_fields(model: Model) -> dict[str, str]:
             },
         )
     _write_act(sources["act"], graph)
-    return {name: source.text() for name, source in sources.items() if source.functions}
+    texts = {name: source.text() for name, source in sources.items() if source.functions}
+    if any(m.kind == "disc" for m in model.multipliers) and (lanes := lanes_text(graph, arrays)):
+        texts["fields8"] = lanes
+    return texts
 
 
 def updates(model: Model) -> list[tuple[sp.Basic, list[tuple[int, sp.Expr, bool]]]]:

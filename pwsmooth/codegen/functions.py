@@ -116,7 +116,7 @@ class CompiledFunctions:
     """Addresses of a FunctionModel's functions, with the attributes of `Compiled`; it must outlive their use."""
 
     has_jets = by_responses = False
-    nz = layer = outputs = jet_slip = jet_general = mult_row0 = 0
+    nz = fields8 = layer = outputs = jet_slip = jet_general = mult_row0 = 0
     nrows_slip = nrows_general = 0, 0
 
     def __init__(self, model: FunctionModel):

@@ -78,6 +78,7 @@ class Problem(Bundle):
     """One model with its parameters, as the kernels see it."""
 
     fields: "int"  # addresses of generated functions
+    fields8: "int"  # at the nodes of a collocation step, 0 where only one after the other
     linear: "int"
     act: "int"
     layer: "int"

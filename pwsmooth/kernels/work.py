@@ -156,8 +156,12 @@ class Onset(Bundle):
     still: "i8[onset]"  # states that another stick keeps at 0, of which all else is rounding
     mult: "f8[m]"
     level: "f8[m + ne]"  # surfaces there
-    rate: "f8[8, m]"  # residuals at the nodes with the lambda guessed
-    toward: "f8[8, m]"  # that lambda
+    times: "f8[8]"  # of the nodes
+    lam: "f8[m, 8]"  # multipliers at the nodes
+    surfaces: "f8[m + ne, 8]"  # what the model gives there
+    residuals: "f8[m, 8]"
+    excess: "f8[m]"  # of the force over the friction, at the last node
+    nudge: "f8[onset, 8]"  # by which states are moved to see slopes
     goal: "f8[m]"  # surfaces that a guess is to have
     forced: "i8[m]"  # discs that begin to slip and whose lambda acts on them
     slow: "i8[m]"  # discs whose slip has made explicit steps short
@@ -167,8 +171,7 @@ class Onset(Bundle):
     y: "f8[onset, 8]"  # states at the nodes
     k: "f8[onset, 8]"  # rates
     slope: "f8[onset, onset, 8]"  # their derivatives by the states
-    matrix: "f8[8*onset, 8*onset + 1]"  # of Newton's method, by columns, then its upper factor; the order of its rows
-    lower: "f8[8*onset, 8*onset + 1]"  # its lower factor, and 1 over the diagonal of the upper one
+    matrix: "f8[8*onset, 8*onset + 8]"  # of Newton's method, by columns, then its inverse; its rows' order
     inverse: "f8[m, 3]"  # of dG/dlambda of each disc at the start, in the rows of its components
     rest: "f8[8*onset]"  # its right-hand side
     found: "f8[8*onset]"  # and solution

@@ -169,6 +169,7 @@ class CompiledProblem:
 
         result = dict(
             fields=code.fields,
+            fields8=code.fields8 if np.any(self.kind == state.DISC) else 0,
             linear=code.linear,
             act=code.act if ne or np.any(self.kind == state.CONTACT) else 0,
             layer=code.layer if self.ratios else 0,

@@ -155,18 +155,22 @@ def _half(start):
 low4, high4 = _half(0), _half(4)
 
 
-@intrinsic
-def vabs(typingctx, v):
-    """Lane by lane |v|."""
+def _of_each(name):
+    @intrinsic
+    def function(typingctx, v):
+        def codegen(context, builder, sig, args):
+            vector = args[0].type
+            declared = cgutils.get_or_insert_function(
+                builder.module, ir.FunctionType(vector, [vector]), f"llvm.{name}.v{vector.count}f64"
+            )
+            return builder.call(declared, args)
 
-    def codegen(context, builder, sig, args):
-        vector = args[0].type
-        declared = cgutils.get_or_insert_function(
-            builder.module, ir.FunctionType(vector, [vector]), f"llvm.fabs.v{vector.count}f64"
-        )
-        return builder.call(declared, args)
+        return v(v), codegen
 
-    return v(v), codegen
+    return function
+
+
+vabs, vsqrt = _of_each("fabs"), _of_each("sqrt")  # lane by lane
 
 
 @intrinsic

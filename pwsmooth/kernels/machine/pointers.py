@@ -43,6 +43,9 @@ def caller(arguments, result=types.void):
 # fields: overwrites the rates dx, surfaces h and residuals g.
 call_fields = caller("t, x, mult, p, dx, h, g")
 
+# fields8: the same at eight points, of which all arrays have a vector in the place of a number.
+call_fields8 = caller("t, x, mult, p, dx, h, g")
+
 # linear: overwrites dg/dmult and the gradients of the surfaces.
 call_linear = caller("t, x, mult, p, G, dh")
 

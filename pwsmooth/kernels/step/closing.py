@@ -23,6 +23,7 @@ _STRAIGHT = 1e-5  # of the angle off the direction in which it ends
 _BENT = 1e-9  # of n.G, what that takes from it
 STEADY = 0.1  # tolerances of h: what the change of n.G on the rest of the way is worth
 _PASSED = 0.5
+_FIRST = 2.0  # over dG/dlambda: a first step, after which most are straight enough
 _GONE = 1e-8  # of |h|^2 of another disc: what is left of it at most where it comes to rest with this one
 FARTHEST = 100.0  # of log(r/r1), where a stage of a step too long may be
 MOST, MOST_KEPT = 1000, 200  # steps, and where states on the way may be asked for
@@ -251,7 +252,7 @@ def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
     along, turns = _closing_rates(P, S, W, j, size, y, k, 0), 0.0
     for i in range(d):
         turns = max(turns, abs(k[0, i]))
-    step = 0.5 / (W.layer.pace * pull)
+    step = _FIRST / (W.layer.pace * pull)
     for i in range(P.m):
         W.step.mult[i] = S.mult[i]
     for _ in range(most):

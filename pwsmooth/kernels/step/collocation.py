@@ -10,11 +10,11 @@ import math
 import numpy as np
 
 from ..machine.compiling import inlined_kernel, kernel
-from ..machine.lanes import load8, splat8, store8
-from ..machine.pointers import call_fields, call_linear, call_newton, powers8
+from ..machine.lanes import largest8, load8, splat8, store8, vabs, vmax
+from ..machine.pointers import call_fields, call_fields8, call_linear, call_newton, powers8, sum8
 from ..state import DISC, SOLVED
 from ..surface.sliding import mask_solved
-from ..surface.sparse import factor_dense, solve_factored
+from ..surface.sparse import invert_dense, solve_inverted
 from .tables import STAGES
 
 _LEGENDRE = np.polynomial.legendre
@@ -79,6 +79,43 @@ def rates(P, S, W, t):
     return found
 
 
+@kernel
+def rates_at_nodes(P, S, W, t, h, y, k):
+    """Overwrites k, onset.surfaces and onset.residuals with what the model gives at the nodes of a step from t, for the
+    states y and the multipliers in onset.lam; of these the solved ones, False where they have no solution."""
+    onset, keep, found = W.onset, S.t, True
+    store8(onset.times, 0, load8(NODES, 0) * h + t)
+    mask_solved(P, S, W)
+    for q in range(STAGES if onset.solves else 0):
+        S.t = onset.times[q]
+        for i in range(P.n):
+            S.x[i] = y[i, q]
+        for j in range(P.m):
+            if not W.mask[j]:  # what is solved for is sought from where it was at the node before
+                S.mult[j] = onset.lam[j, q]
+        found = call_newton(P.newton_unit, P, S, W) != 0 and found
+        for j in range(P.m):
+            onset.lam[j, q] = S.mult[j]
+    S.t = keep
+    if P.fields8 != 0:
+        call_fields8(P.fields8, onset.times, y, onset.lam, P.p, k, onset.surfaces, onset.residuals)
+        return found
+    x, mult = W.step.x, W.step.mult
+    for q in range(STAGES):
+        for i in range(P.n):
+            x[i] = y[i, q]
+        for j in range(P.m):
+            mult[j] = onset.lam[j, q]
+        call_fields(P.fields, onset.times[q], x, mult, P.p, W.dx, W.h, W.g)
+        for i in range(P.n):
+            k[i, q] = W.dx[i]
+        for i in range(P.m + P.ne):
+            onset.surfaces[i, q] = W.h[i]
+        for j in range(P.m):
+            onset.residuals[j, q] = W.g[j]
+    return found
+
+
 @inlined_kernel
 def _combined(columns, values):
     """The sum of the columns, each times its value, as a vector."""
@@ -110,42 +147,35 @@ def _nudge(P, W, q, i, reach):
 
 
 @kernel
-def _stage(P, S, W, q, t):
-    """Overwrites onset.k[:, q], the rates at node q; False if none."""
-    onset = W.onset
-    for i in range(P.n):
-        S.x[i] = onset.y[i, q]
-    found = rates(P, S, W, t)
-    for i in range(P.n):
-        onset.k[i, q] = W.dx[i]
-        found = found and abs(W.dx[i]) < math.inf
-    return found
-
-
-@kernel
-def _slopes(P, S, W, q, t):
-    """Overwrites onset.slope[..., q], the derivatives by the states in onset.columns of what _stage has just left."""
-    onset, n, reach = W.onset, P.n, 0.0
-    for i in range(n):
-        reach = max(reach, abs(onset.y[i, q] - onset.x[i]))
+def _slopes(P, S, W, t, h):
+    """Overwrites onset.slope, the derivatives by the states in onset.columns of what rates_at_nodes has just left."""
+    onset, n = W.onset, P.n
     for j in range(P.m):
-        onset.slips[j] = 0
-        if P.kind[j] == DISC and S.status[j] == 1:
-            onset.slips[j] = 1
-            onset.size[j] = math.sqrt(W.h[j])
-    call_linear(P.linear, t, S.x, S.mult, P.p, W.G, W.dh)
+        onset.slips[j] = 1 if P.kind[j] == DISC and S.status[j] == 1 else 0
+    for q in range(STAGES):
+        reach = 0.0
+        for i in range(n):
+            S.x[i] = onset.y[i, q]
+            reach = max(reach, abs(onset.y[i, q] - onset.x[i]))
+        for j in range(P.m):
+            S.mult[j] = onset.lam[j, q]
+            if onset.slips[j]:
+                onset.size[j] = math.sqrt(onset.surfaces[j, q])
+        call_linear(P.linear, onset.times[q], S.x, S.mult, P.p, W.G, W.dh)
+        for c in range(onset.narrow):
+            i = onset.columns[c]
+            nudge = _nudge(P, W, q, i, reach)
+            moved = (S.x[i] + nudge) - S.x[i]
+            onset.nudge[c, q] = moved if moved != 0.0 else 4e-16 * abs(S.x[i])
     for c in range(onset.narrow):
         i = onset.columns[c]
-        nudge, keep = _nudge(P, W, q, i, reach), S.x[i]
-        S.x[i] = keep + nudge
-        moved = S.x[i] - keep
-        if moved == 0.0:
-            moved = 4e-16 * abs(keep)
-            S.x[i] = keep + moved
-        rates(P, S, W, t)
+        keep = load8(onset.y[i], 0)
+        store8(onset.y[i], 0, keep + load8(onset.nudge[c], 0))
+        rates_at_nodes(P, S, W, t, h, onset.y, onset.change)
+        store8(onset.y[i], 0, keep)
         for r in range(n):
-            onset.slope[r, c, q] = (W.dx[r] - onset.k[r, q]) / moved
-        S.x[i] = keep
+            change = load8(onset.change[r], 0) - load8(onset.k[r], 0)
+            store8(onset.slope[r, c], 0, change / load8(onset.nudge[c], 0))
 
 
 @kernel
@@ -165,8 +195,8 @@ def _choose_columns(P, S, W, all_of_them):
 
 
 @kernel
-def _factor(P, W, h):
-    """Factors the matrix of Newton's method for the states in onset.columns; False if it is singular."""
+def _invert(P, W, h):
+    """Inverts the matrix of Newton's method for the states in onset.columns; False if it is singular."""
     onset, A, width = W.onset, W.onset.matrix, W.onset.narrow
     for c in range(width):
         for s in range(STAGES):
@@ -174,7 +204,7 @@ def _factor(P, W, h):
             for r in range(width):
                 store8(column, r * STAGES, load8(_COLUMNS[s], 0) * (-h * onset.slope[onset.columns[r], c, s]))
             column[c * STAGES + s] += 1.0
-    return factor_dense(A, onset.lower, STAGES * width)
+    return invert_dense(A, onset.rest, STAGES * width)
 
 
 @kernel
@@ -187,7 +217,7 @@ def _newton_step(P, W, h):
         store8(onset.change[r], 0, _combined(_COLUMNS, onset.k[r]) * h - way)
     for c in range(width):
         store8(onset.rest, c * STAGES, load8(onset.change[onset.columns[c]], 0))
-    solve_factored(onset.matrix, onset.lower, STAGES * width, onset.rest, onset.found)
+    solve_inverted(onset.matrix, STAGES * width, onset.rest, onset.found)
     for r in range(n):
         rest = splat8(0.0)
         for c in range(width):
@@ -214,33 +244,37 @@ def solve(P, C, S, W, t, h):
     """Newton's method for the states at the nodes, with slopes anew where it is slow; whether it converges."""
     onset, n = W.onset, P.n
     before, anew, fresh = math.inf, True, False
+    for j in range(P.m):
+        store8(onset.lam[j], 0, splat8(S.mult[j]))
     _choose_columns(P, S, W, False)
     for sweep in range(_SWEEPS):
         if sweep >= _NARROW and anew and fresh and onset.narrow < n:
             _choose_columns(P, S, W, True)
         fresh = anew
-        for q in range(STAGES):
-            if not _stage(P, S, W, q, t + NODES[q] * h):
-                return False
-            if anew:
-                _slopes(P, S, W, q, t + NODES[q] * h)
-        if anew and not _factor(P, W, h):
+        if not rates_at_nodes(P, S, W, t, h, onset.y, onset.k):
             return False
-        _newton_step(P, W, h)
-        change, total = 0.0, 0.0
+        total = 0.0
         for i in range(n):
-            known = h * _rate_rounding(W, i)
-            for q in range(STAGES):
-                step = onset.change[i, q]
-                # Beside the way since the start: of a slip that has just begun its own size is what matters.
-                way = abs(onset.y[i, q] - onset.x[i]) + 10.0 * C.atol[i]
-                if onset.still[i] == 0:
-                    change = max(change, (abs(step) - 4e-15 * abs(onset.y[i, q]) - known) / way)
-                total += step
+            total += sum8(load8(onset.k[i], 0))
+        if not abs(total) < math.inf:
+            return False
+        if anew:
+            _slopes(P, S, W, t, h)
+            if not _invert(P, W, h):
+                return False
+        _newton_step(P, W, h)
+        worst, total = splat8(0.0), splat8(0.0)
+        for i in range(n):
+            step, y, known = load8(onset.change[i], 0), load8(onset.y[i], 0), h * _rate_rounding(W, i)
+            # Beside the way since the start: of a slip that has just begun its own size is what matters.
+            if onset.still[i] == 0:
+                way = vabs(y - splat8(onset.x[i])) + 10.0 * C.atol[i]
+                worst = vmax(worst, (vabs(step) - vabs(y) * 4e-15 - splat8(known)) / way)
+            total = total + step
+        change, total = largest8(worst), sum8(total)
         share = min(1.0, _DAMPED / change) if anew else 1.0
-        for q in range(STAGES):
-            for i in range(n):
-                onset.y[i, q] += share * onset.change[i, q]
+        for i in range(n):
+            store8(onset.y[i], 0, load8(onset.y[i], 0) + load8(onset.change[i], 0) * share)
         if not abs(total) < math.inf or (anew and sweep > 12 and change > before):
             return False
         pace = min(1.0, change / before) if sweep > 0 else 1.0
@@ -274,14 +308,11 @@ def polynomials(P, S, W, h):
     for i in range(m + P.ne):
         rows[n + m + i, 0] = onset.level[i]
     # Of what is no state the values at the nodes, less that at the start, over the time since: one order less.
-    for q in range(STAGES):
-        for i in range(n):
-            S.x[i] = onset.y[i, q]
-        rates(P, S, W, S.t + NODES[q] * h)
-        for r in range(2 * m + P.ne):
-            now = S.mult[r] if r < m else W.h[r - m]
-            change = (now - rows[n + r, 0]) / (NODES[q] * h)
-            store8(rows[n + r], 1, load8(rows[n + r], 1) + load8(_LAGRANGE[q], 0) * change * scale)
+    rates_at_nodes(P, S, W, S.t, h, onset.y, onset.change)
+    for r in range(2 * m + P.ne):
+        now = load8(onset.lam[r], 0) if r < m else load8(onset.surfaces[r - m], 0)
+        store8(onset.rest, 0, (now - splat8(rows[n + r, 0])) / (load8(NODES, 0) * h))
+        store8(rows[n + r], 1, _combined(_LAGRANGE, onset.rest) * scale)
 
 
 @kernel

@@ -14,13 +14,14 @@ from numba import types
 
 from ..intervals import time_size
 from ..machine.compiling import kernel, unit
+from ..machine.lanes import lane, load8, splat8, store8, vsqrt
 from ..machine.pointers import call_fields, call_newton
 from ..state import DISC, SOLVED, START, Control, Problem, State
 from ..surface.dependent import gather_leaving, load_of_leaving, pace_of_leaving
 from ..surface.sliding import INSIDE, put_in_slip
 from ..surface.vector import begins, invert_slopes, push_of_disc, slopes_of_disc
 from ..work import Work
-from .collocation import NODES, WEIGHTS, integrate, misfit, polynomials, rates, solve
+from .collocation import NODES, integrate, misfit, polynomials, rates_at_nodes, solve
 from .tables import STAGES
 
 _TRIES, _PICARD = 40, 3
@@ -53,40 +54,67 @@ def _slaved(P, S, W, j):
 
 
 @kernel
-def _stand(P, S, W, q, t):
-    """Puts S at node q, with the lambda that would hold in slips that the force leads; returns its excess over 1."""
-    excess = 0.0
-    for i in range(P.n):
-        S.x[i] = W.onset.y[i, q]
-    S.t = t
+def _stand(P, S, W, h):
+    """Overwrites onset.lam, the multipliers at the nodes, in slips that the force leads by the direction of the lambda
+    that would hold them, by its slopes at the start where it is not solved for; and onset.excess, that of its size over
+    1 at the last node."""
+    onset, t0, solves = W.onset, S.t, W.onset.solves != 0
     for j in range(P.m):
-        if _slaved(P, S, W, j):
-            excess += _follow_force(P, S, W, j)
-    return excess
+        store8(onset.lam[j], 0, splat8(S.mult[j]))
+        W.mask[j] = 1 if S.status[j] == SOLVED else 0
+        if P.disc_of[j] >= 0 and _slaved(P, S, W, P.disc_of[j]):
+            W.mask[j], solves = 1, solves or P.hidden[j] != 0
+    if solves:
+        for q in range(STAGES):
+            for i in range(P.n):
+                S.x[i] = onset.y[i, q]
+            S.t = t0 + NODES[q] * h
+            call_newton(P.newton_unit, P, S, W)
+            for j in range(P.m):
+                onset.lam[j, q] = S.mult[j]
+        S.t = t0
+    else:
+        rates_at_nodes(P, S, W, t0, h, onset.y, onset.change)
+    for j in range(P.m):
+        if not _slaved(P, S, W, j):
+            continue
+        d, square = P.dim[j], splat8(0.0)
+        for r in range(j + 1, j + 1 + d):
+            lam = load8(onset.lam[r], 0)
+            for c in range(0 if solves else d):
+                lam = lam - load8(onset.residuals[j + 1 + c], 0) * onset.inverse[r, c]
+            store8(onset.lam[r], 0, lam)
+            square = square + lam * lam
+        size = vsqrt(square)
+        onset.excess[j] = lane(size, STAGES - 1) - 1.0
+        for r in range(j + 1, j + 1 + d):
+            store8(onset.lam[r], 0, load8(onset.lam[r], 0) / size)
+
+
+@kernel
+def _go_straight(P, W, h):
+    """Overwrites onset.y where the rates of the start lead up to the nodes of a step."""
+    for i in range(P.n):
+        store8(W.onset.y[i], 0, load8(NODES, 0) * (h * W.onset.first[i]) + W.onset.x[i])
 
 
 @kernel
 def _guess_path(P, S, W, h):
     """Overwrites onset.y with the motion by the lambda that all but holds, to the fourth order in h (Picard) where that
     matters: what it slips is as little as the force is more, and its own direction does not stand out from less."""
-    onset, n, t0, excess = W.onset, P.n, S.t, math.inf
-    for q in range(STAGES):
-        for i in range(n):
-            onset.y[i, q] = onset.x[i] + NODES[q] * h * onset.first[i]
+    onset, n, excess = W.onset, P.n, math.inf
+    _go_straight(P, W, h)
     for _ in range(_PICARD):
-        before = excess
-        for q in range(STAGES):
-            excess = _stand(P, S, W, q, t0 + NODES[q] * h)
-            rates(P, S, W, S.t)
-            for i in range(n):
-                onset.k[i, q] = W.dx[i]
+        _stand(P, S, W, h)
+        before, excess = excess, 0.0
+        for j in range(P.m):
+            excess += onset.excess[j] if _slaved(P, S, W, j) else 0.0
+        rates_at_nodes(P, S, W, S.t, h, onset.y, onset.k)
         for i in range(n):
             integrate(W, h, onset.k[i])
-            for q in range(STAGES):
-                onset.y[i, q] = onset.x[i] + onset.sums[q]
+            store8(onset.y[i], 0, load8(onset.sums, 0) + onset.x[i])
         if abs(excess - before) <= _SAME_EXCESS * abs(excess):
             break
-    S.t = t0
 
 
 @kernel
@@ -95,16 +123,15 @@ def _guess_as_one(P, S, W, h):
     onset, group, t0 = W.onset, W.together, S.t
     for q in range(STAGES):
         _go_along(P, S, W, t0, NODES[q] * h)
-        onset.rate[q, 0] = pace_of_leaving(P, S, W)
+        onset.rest[q] = pace_of_leaving(P, S, W)
         for j in range(P.m):
-            onset.toward[q, j] = group.move[j]
+            onset.lam[j, q] = group.move[j]
+    integrate(W, h, onset.rest)
     for q in range(STAGES):
         _go_along(P, S, W, t0, NODES[q] * h)
-        way = 0.0
-        for r in range(STAGES):
-            way += h * WEIGHTS[q, r] * onset.rate[r, 0]
+        way = onset.sums[q]
         for j in range(P.m):
-            onset.goal[j] = onset.toward[q, j]
+            onset.goal[j] = onset.lam[j, q]
         for _ in range(_PROJECTIONS):  # none of these surfaces can be moved without the others
             for j in range(P.m):
                 if begins(P, S, j):
@@ -127,14 +154,21 @@ def _guess(P, S, W, h):
             _guess_path(P, S, W, h)
         return
     _guess_path(P, S, W, h)
-    for q in range(STAGES):
-        _stand(P, S, W, q, t0 + NODES[q] * h)
-        for j in range(P.m):
-            if _slaved(P, S, W, j) or begins(P, S, j):
-                push_of_disc(P, S, W, j)
-        for j in range(P.m):
-            onset.rate[q, j] = W.g[j]
-            onset.toward[q, j] = S.mult[j]
+    _stand(P, S, W, h)
+    rates_at_nodes(P, S, W, t0, h, onset.y, onset.change)
+    # What they slip, or move in the direction of an acceleration, in the place of its rates.
+    for j in range(P.m):
+        if _slaved(P, S, W, j):
+            rate = splat8(0.0)
+            for k in range(j + 1, j + 1 + P.dim[j]):
+                rate = rate + load8(onset.lam[k], 0) * load8(onset.residuals[k], 0)
+            store8(onset.residuals[j], 0, rate)
+            integrate(W, h, onset.residuals[j])
+            store8(onset.residuals[j], 0, load8(onset.sums, 0))
+        elif begins(P, S, j):
+            for k in range(j + 1, j + 1 + P.dim[j]):
+                integrate(W, h, onset.residuals[k])
+                store8(onset.residuals[k], 0, load8(onset.sums, 0))
     for q in range(STAGES):
         for i in range(P.n):
             S.x[i] = onset.y[i, q]
@@ -142,44 +176,17 @@ def _guess(P, S, W, h):
         for j in range(P.m):
             if _slaved(P, S, W, j):
                 start = math.sqrt(onset.level[j])
-                way = start
-                for r in range(STAGES):
-                    for k in range(j + 1, j + 1 + P.dim[j]):
-                        way += h * WEIGHTS[q, r] * onset.toward[r, k] * onset.rate[r, k]
+                way = start + onset.residuals[j, q]
                 for k in range(j + 1, j + 1 + P.dim[j]):
-                    onset.goal[k] = onset.toward[q, k]
+                    onset.goal[k] = onset.lam[k, q]
                 put_in_slip(P, S, j, max(abs(way) if start == 0.0 else way, _LEFT * start), onset.goal, W)
             elif begins(P, S, j):
                 for k in range(j + 1, j + 1 + P.dim[j]):
-                    onset.goal[k] = 0.0
-                    for r in range(STAGES):
-                        onset.goal[k] += h * WEIGHTS[q, r] * onset.rate[r, k]
+                    onset.goal[k] = onset.residuals[k, q]
                 put_in_slip(P, S, j, 1.0, onset.goal, W)
         for i in range(P.n):
             onset.y[i, q] = S.x[i]
     S.t = t0
-
-
-@kernel
-def _follow_force(P, S, W, j):
-    """Leaves in S.mult the direction of the lambda that would hold disc j, by its slopes at the start where it is not
-    solved for; returns its excess over 1."""
-    d, size = P.dim[j], 0.0
-    if W.onset.solves or P.hidden[j + 1]:
-        for k in range(P.m):
-            W.mask[k] = 1 if S.status[k] == SOLVED or P.disc_of[k] == j else 0
-        call_newton(P.newton_unit, P, S, W)
-    else:
-        push_of_disc(P, S, W, j)
-        for r in range(d):
-            for c in range(d):
-                S.mult[j + 1 + r] -= W.onset.inverse[j + 1 + r, c] * W.g[j + 1 + c]
-    for k in range(j + 1, j + 1 + P.dim[j]):
-        size += S.mult[k] ** 2
-    size = math.sqrt(size)
-    for k in range(j + 1, j + 1 + P.dim[j]):
-        S.mult[k] /= size
-    return size - 1.0
 
 
 @kernel
@@ -197,15 +204,19 @@ def _guess_by_longer(P, W, h):
 @kernel
 def _unlike(P, S, W, t, tau):
     """By how much the force of slips that begin at rest exceeds the friction the time tau ahead, and a multiple of the
-    square of the angle by which it turns. S is left there."""
-    _go_along(P, S, W, t, tau)
-    most = load_of_leaving(P, S, W) - 1.0 if W.onset.as_one else 0.0
+    square of the angle by which it turns. S is left anywhere."""
+    if W.onset.as_one:
+        _go_along(P, S, W, t, tau)
+        return load_of_leaving(P, S, W) - 1.0
+    S.t, most = t, 0.0
+    _go_straight(P, W, tau)
+    _stand(P, S, W, tau)
     for j in range(P.m):
-        if begins(P, S, j) and W.onset.forced[j] and not W.onset.as_one:
-            excess, turned = _follow_force(P, S, W, j), 0.0
+        if _slaved(P, S, W, j):
+            turned = 0.0
             for k in range(j + 1, j + 1 + P.dim[j]):
-                turned += (S.mult[k] - W.onset.mult[k]) ** 2
-            most = max(most, excess + _TURNED * turned)
+                turned += (W.onset.lam[k, STAGES - 1] - W.onset.mult[k]) ** 2
+            most = max(most, W.onset.excess[j] + _TURNED * turned)
     return most
 
 

@@ -36,14 +36,14 @@ def _weight(s, r):
 @kernel
 def stage_point(y, k, s, n, step, out):
     """Overwrites out[:n] by the point at which stage s is taken; stage 12 is the end of the step."""
-    by_lanes = n - n % 8
-    for i in range(0, by_lanes, 8):
+    for i in range(0, n if n >= 8 else 0, 8):
+        at = min(i, n - 8)  # the last eight once more rather than one after the other
         total = splat8(0.0)
         for r in range(s):
             if _weight(s, r) != 0.0:
-                total = total + _weight(s, r) * load8(k[r], i)
-        store8(out, i, load8(y, i) + step * total)
-    for i in range(by_lanes, n):
+                total = total + _weight(s, r) * load8(k[r], at)
+        store8(out, at, load8(y, at) + step * total)
+    for i in range(n if n < 8 else 0):
         rest = 0.0
         for r in range(s):
             if _weight(s, r) != 0.0:

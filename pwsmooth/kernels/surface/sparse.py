@@ -8,12 +8,16 @@ of them, a multiplier of the whole system, is a hub and is eliminated last (Schu
 O(n), not O(n^3).
 """
 
+import numpy as np
+
 from ..machine.compiling import kernel
-from ..machine.lanes import load8, store8
+from ..machine.lanes import load8, splat8, store8
 from ..state import CROSSING, KINK, SOLVED
 
 # Of what it was: an entry that elimination leaves so little of is 0, in whatever units rows and unknowns are.
 _CANCELLED = 4e-15
+_WORTH_A_SWAP = 0.1  # of the largest entry of a column: a pivot as large as that stays where it is
+_UNIT = np.eye(1, 16, 8)[0]  # whose eight entries from 8 - i on are 1 at i, else 0
 _SHORT = 16  # entries of a row, up to which one is as soon found by looking at all
 
 
@@ -98,59 +102,49 @@ def solve_dense(A, size, count):
 
 
 @kernel
-def factor_dense(A, lower, size):
-    """Factors A[:size, :size], whose column c is A[c] and whose size is a multiple of 8, with partial pivoting; False
-    if singular.
+def invert_dense(A, row, size):
+    """Overwrites A[:size, :size], whose column c is A[c] and whose size is a multiple of 8, by its inverse, with pivots
+    that are not small in their columns; False if singular. A[:, size] is the order of the rows, `row` is overwritten.
 
-    Eight entries of a column go at once: so each factor stands with zeros in the place of the other, the lower one in
-    `lower`, and 1 is left out of the diagonal of both, which is 1/lower[:, size] of the upper one. A[:, size] is the
-    order of the rows.
+    Eight entries of a column go at once. A solution is then a sum of columns: with factors each unknown would wait for
+    the one before, and Newton's method needs several.
     """
     for i in range(size):
         A[i, size] = i
     for i in range(size):
-        best, first = i, i - i % 8
+        best, largest = i, abs(A[i, i]) / _WORTH_A_SWAP
         for r in range(i + 1, size):
-            if abs(A[i, r]) > abs(A[i, best]):
-                best = r
-        if not abs(A[i, best]) > 0.0:
+            if abs(A[i, r]) > largest:
+                best, largest = r, abs(A[i, r])
+        if not largest > 0.0:
             return False
         if best != i:
             A[i, size], A[best, size] = A[best, size], A[i, size]
             for c in range(size):
                 A[c, i], A[c, best] = A[c, best], A[c, i]
-            for c in range(i):
-                lower[c, i], lower[c, best] = lower[c, best], lower[c, i]
-        column, below, pivot = A[i], lower[i], A[i, i]
-        below[size] = 1.0 / pivot
-        for k in range(first, size, 8):
-            store8(below, k, load8(column, k) * below[size])
-        for r in range(first, i + 1):
-            below[r] = 0.0
-        column[i] = pivot - 1.0
-        for r in range(i + 1, size):
-            column[r] = 0.0
-        for c in range(i + 1, size):
-            other = A[c]
-            factor = other[i]
-            for k in range(first, size, 8):
-                store8(other, k, load8(other, k) - load8(below, k) * factor)
+        pivot = A[i, i]
+        for c in range(size):
+            row[c] = A[c, i]
+        row[i] = 1.0
+        for r in range(0, size, 8):
+            place = i - r
+            own = load8(_UNIT, 8 - place) if 0 <= place < 8 else splat8(0.0)
+            other = 1.0 - own
+            column, scale = load8(A[i], r) * (1.0 / pivot) * other, own * (1.0 / pivot) + other
+            store8(A[i], r, own)
+            for c in range(size):
+                store8(A[c], r, load8(A[c], r) * scale - column * row[c])
     return True
 
 
 @kernel
-def solve_factored(A, lower, size, b, u):
-    """Overwrites u by the solution for b, of the matrix whose factors stand in A and `lower`."""
-    for i in range(size):
-        u[i] = b[int(A[i, size])]
-    for i in range(size):
-        known, below = u[i], lower[i]
-        for k in range(i - i % 8, size, 8):
-            store8(u, k, load8(u, k) - load8(below, k) * known)
-    for i in range(size - 1, -1, -1):
-        known, column = u[i] * lower[i, size], A[i]
-        for k in range(0, i + 1, 8):
-            store8(u, k, load8(u, k) - load8(column, k) * known)
+def solve_inverted(A, size, b, u):
+    """Overwrites u by the solution for b, of the matrix whose inverse stands in A."""
+    for r in range(0, size, 8):
+        total = splat8(0.0)
+        for c in range(size):
+            total = total + load8(A[c], r) * b[int(A[c, size])]
+        store8(u, r, total)
 
 
 @kernel
