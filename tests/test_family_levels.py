@@ -73,6 +73,14 @@ def test_sweeps_take_such_families():
     assert found["lam_3_max"].values.tolist() == pytest.approx([run["lam_3"].max() for run in runs], abs=1e-6)
 
 
+def test_noise_on_one_element_is_that_on_it_written_out():
+    x, v, system = blocks()
+    start, noise = {x: np.sin(np.arange(12)).tolist(), v: 0.2}, Diffusion({"x_3": 0.05}, 1 / 64, seed=3)
+    one, written = (solve(each, (0, 2), start, noise=noise) for each in (system, system._written_out()))
+    assert itinerary(one) == itinerary(written) and "slip by fold" in {e.kind for e in one.events}
+    assert np.array_equal(one.x, written.x) and np.array_equal(one.mult, written.mult)
+
+
 def test_noise_tears_blocks_off_at_the_same_folds():
     x, v, system = blocks()
     start, noise = {x: np.sin(np.arange(12)).tolist(), v: 0.2}, Diffusion({x: 0.05}, 1 / 64, seed=3)

@@ -49,7 +49,9 @@ class DiffusionRun:
         try:
             found = self._lower(model) if model.families else None
         except ValueError:
-            found = None  # it may be a mistake: the elements written out tell it in the user's names
+            # It may be a mistake: the elements written out tell it in the user's names.
+            self.system = system = system._without_levels()
+            model, found = system.model, None
         if found is None:
             found = self._lower(replace(model, rhs=tuple(model.rhs)) if model.families else model)
         if not self.acts:
