@@ -170,6 +170,8 @@ def solve(
 
         mirrored, ends = system._backward()
         return solve_backward(system, mirrored, ends, run, (-t0, -t1), t_eval)
+    if (dense_output or with_respect_to is not None or method == "stiff") and not (local or record):
+        system = system._without_levels()
     kicks: Any = None  # a KickedRun or a DiffusionRun
     if noise is not None:
         from .noise.prepared import prepared
@@ -196,9 +198,6 @@ def solve(
     stiff = method == "stiff" and not smoothed
     threads = checks.optional(checks.integer(1))(threads, "`threads`")
     spending = opened(max_steps, max_seconds)
-    if stiff:
-        system = system._without_levels()
-        p = np.array(system.parameter_values, float)
     if local and (diffuses or smoothed or stiff):
         what = "a diffusion" if diffuses else "a smoothed view" if smoothed else "method='stiff'"
         raise ValueError(f"`local` is True, but {what} is a run of the whole system; leave it out.")
@@ -213,9 +212,6 @@ def solve(
             return run_locally(system, t0, t1, start, times, options, record, threads, spending)
         if record is not None:
             raise ValueError("`record` is given, but the run is not one of local events; leave it out.")
-        if dense_output or rows:
-            system = system._without_levels()
-            model, p = system.model, np.array(system.parameter_values, float)
         ready = prepared_run(model, options)
         if with_respect_to is not None and not ready.by_series:
             ready = prepared_run(model, options._replace(dense=True))

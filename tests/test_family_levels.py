@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Diffusion, Event, Family, Outcome, Switch, System, solve, sweep
+from pwsmooth import Diffusion, Event, Family, Kicks, Outcome, Switch, System, solve, sweep
 
 t, u = sp.symbols("t u", real=True)
 
@@ -60,6 +60,9 @@ def test_what_needs_the_polynomials_of_lambda_has_them():
     plain = solve(system, (0, 5), start, t_eval=wanted, rtol=1e-11)
     dense = solve(system, (0, 5), start, dense_output=True, rtol=1e-11)
     assert np.abs(dense(wanted, "lam_3") - plain["lam_3"]).max() < 1e-8
+    kicks = Kicks(0.05, every=0.25, on=v, seed=3)
+    ends = [solve(system, (0, 3), start, noise=kicks, dense_output=way).x[:, -1] for way in (False, True)]
+    assert np.abs(ends[0] - ends[1]).max() < 1e-6
     rows = solve(system, (0, 1), start, with_respect_to=["u"])
     assert rows.derivatives is not None
 
