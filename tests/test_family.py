@@ -3,10 +3,11 @@
 import pickle
 import re
 
+import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Algebraic, Event, Family, Memory, Switch, System, Unilateral
+from pwsmooth import Algebraic, Event, Family, Memory, Switch, System, Unilateral, solve
 from pwsmooth.definition import lowering
 
 t, x, v, s = sp.symbols("t x v s", real=True)
@@ -173,3 +174,11 @@ def test_a_member_and_its_neighbours_are_printed_in_one_order_in_every_process()
     (y,) = ring.symbols("y")
     beside = [ring.neighbour(y, k) for k in (2, -1, 1)]
     assert [str(s) for s in sorted([y, *beside], key=sp.default_sort_key)] == ["y[-1]", "y", "y[+1]", "y[+2]"]
+
+
+@pytest.mark.parametrize("n", [3, 12, 20_000])
+def test_an_array_without_axes_is_one_number_for_all(n):
+    (x,) = Family(n).symbols("x")
+    (k,) = x.family.symbols("k")
+    run = solve(System({x: -k * x}, parameters={k: np.array(2.0)}), (0, 1), {x: np.array(1.0)}, t_eval=[1])
+    assert np.abs(run.x - np.exp(-2)).max() < 1e-8

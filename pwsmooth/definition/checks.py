@@ -131,6 +131,11 @@ def plain_states(e, what):
     return e.xreplace({f: named(f) for f in functions})
 
 
+def is_one(value):
+    """Whether a value is one for all elements of a family, and not one for each."""
+    return isinstance(value, (str, sp.Basic)) or not hasattr(value, "__len__") or np.ndim(value) == 0
+
+
 def named(key):
     """What names a state or a parameter: of a function y(t) its Symbol y, anything else as it is."""
     if isinstance(key, AppliedUndef) and len(key.args) == 1:

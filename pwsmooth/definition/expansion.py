@@ -225,7 +225,7 @@ def spread(values, groups, what):
         if names is None:
             result[key] = value
             continue
-        single = isinstance(value, str) or not hasattr(value, "__len__")
+        single = checks.is_one(value)
         if not single and len(value) != len(names):
             raise ValueError(
                 f"{what} gives {len(value)} values to {key}, which has {len(names)} elements; give one for each, or "

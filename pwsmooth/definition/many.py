@@ -116,7 +116,7 @@ class Symbols(Sequence):
             name = getattr(key, "name", key)
             if name in self.blocks and self.blocks[name][1] is not None:
                 first, n = self.blocks[name]
-                single = isinstance(value, (str, sp.Basic)) or not hasattr(value, "__len__")
+                single = checks.is_one(value)
                 if not single and len(value) != n:
                     raise ValueError(
                         f"{what} gives {len(value)} values to {name}, which has {n} elements; give one for each, or "

@@ -135,8 +135,7 @@ class OneElement(Expansion):
         for key, value in values.items():
             name = key if isinstance(key, str) else getattr(key, "name", None)
             if name in self.groups:
-                single = isinstance(value, str) or not hasattr(value, "__len__")
-                result[f"{name}{MARK}"] = value if single else value[0]
+                result[f"{name}{MARK}"] = value if checks.is_one(value) else value[0]
             else:
                 result[key] = value
         return result
