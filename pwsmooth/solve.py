@@ -192,7 +192,6 @@ def solve(
         )
         beside = functools.partial(run_beside, solve, given, (t0, t1), start, same, wanted)
         derived = functools.partial(Derivatives, wanted=wanted, again=beside, kept={})
-    p = np.array(system.parameter_values, float)
     times = checks.wanted_times(t_eval, t0, t1)
     diffuses, smoothed = hasattr(kicks, "solve"), bool(model.smoothing) and not model.multipliers
     stiff = method == "stiff" and not smoothed
@@ -212,6 +211,7 @@ def solve(
             return run_locally(system, t0, t1, start, times, options, record, threads, spending)
         if record is not None:
             raise ValueError("`record` is given, but the run is not one of local events; leave it out.")
+        p = np.array(system.parameter_values, float)
         ready = prepared_run(model, options)
         if with_respect_to is not None and not ready.by_series:
             ready = prepared_run(model, options._replace(dense=True))
@@ -228,7 +228,7 @@ def solve(
                 "`with_respect_to` is given for a diffusion or one of SciPy's methods, which have no derivatives; "
                 "leave `noise`, or `method`, out."
             )
-    initial = np.array(start)
+    initial, p = np.array(start), np.array(system.parameter_values, float)
     rtol, absolute = checks.relative_tolerance(rtol), checks.absolute_tolerance(atol, model.states)
     max_step = checks.longest_step(max_step)
     strict, dense = checks.flag(strict, "`strict`"), checks.flag(dense_output, "`dense_output`")

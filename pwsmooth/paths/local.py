@@ -58,7 +58,9 @@ def run_locally(
     spending: Budget,
 ) -> Solution:
     """The Solution of one run, every event of which renews the elements that it reaches."""
-    options = options.checked(system.model)
+    given, options = options.atol, options.checked(system.model)
+    if np.ndim(given) == 0:  # of millions of states it is one number
+        options = options._replace(atol=np.broadcast_to(np.float64(given), options.atol.shape))
     return _Run(system, options, threads).solve(t0, t1, start, times, record, spending)
 
 
@@ -267,7 +269,7 @@ class _Run:
     ) -> None:
         n, ns, nm, ne = self.n, self.ns, self.nm, self.ne
         offsets = self.code.offsets
-        values = self.values = np.array(self.system.parameter_values, float)
+        values = self.values = np.asarray(self.system.parameter_values, float)
         blocks = self.model.families.starts("parameters")
         of_all = np.setdiff1d(np.arange(len(self.p_fixed)), self.own_parameters)
         self.shared = self.p_fixed[of_all], self.p_blocks[of_all], values[[blocks[b] for b in of_all]]
@@ -359,7 +361,7 @@ class _Run:
             asked = np.linspace(t0, t1, _COLUMNS) if times is None else times
         text = self.template.model
         self.names = [str(s).replace("[]", "") for s in text.states]
-        whole = t0, t1, np.array(start, float), np.asarray(asked, float), kept
+        whole = t0, t1, np.asarray(start, float), np.asarray(asked, float), kept
         path = record.checkpoint if record else None
         code = self._run(whole, path, was_in_parts(path), spending)
         if code == local.WITHOUT_PARTS:
@@ -519,7 +521,7 @@ class _Run:
         if self.only_ends:
             # What has no polynomials yet is all that there is.
             first = self.initial or (A.x, A.mult, A.status)
-            parts = [np.stack(pair) for pair in zip(first, (A.x, A.mult, A.status), strict=True)]
+            parts = [*zip(first, (A.x, A.mult, A.status), strict=True)]
             self.initial = first = None
             times = np.array([times[0], A.t])
             names_of = {name: A.x_asked[:reached, :, b].T for b, name in enumerate(self.log.states)}
@@ -568,10 +570,14 @@ class _Run:
         names_of = [mu.symbol.name.replace("[]", "") for mu in text.multipliers]
         return names_of + [str(e.name).replace(" []", "") for e in text.events]
 
-    def _rows(self, part: np.ndarray, own: list[bool]) -> np.ndarray:
-        """Of times, elements and blocks: a row a number, one alone of what belongs to all elements."""
-        rows = [part[:, : self.n if each else 1, b].T for b, each in enumerate(own)]
-        return np.concatenate([np.empty((0, len(part)), part.dtype), *rows])
+    def _rows(self, part: Any, own: list[bool]) -> np.ndarray:
+        """Of arrays of elements and blocks, one a time: a row a number, one alone of what belongs to all elements."""
+        ends = np.cumsum([0, *(self.n if each else 1 for each in own)])
+        rows = np.empty((ends[-1], len(part)), part[0].dtype if len(part) else part.dtype)
+        for k, array in enumerate(part):
+            for b, (first, end) in enumerate(zip(ends, ends[1:])):
+                rows[first:end, k] = array[: end - first, b]
+        return rows
 
 
 def _blocks(numbers: np.ndarray) -> np.ndarray:
