@@ -534,13 +534,14 @@ class EventDriven:
             once = families.told_once(kept["ambiguity"][:, 0]) if families else slice(None)
             ambiguities = ambiguities_in_words(self.model, kept["ambiguity_t"][once], kept["ambiguity"][once])
 
-        levels = Levels(families, problem.p)
-        levels.name_folds(events)
+        levels = Levels(families, problem.p) if self.parts.levels else None
+        if levels:
+            levels.name_folds(events)
 
         def solution(t: Any, x: Any, mult: Any, status: Any, course: Any = None) -> Solution:
             return Solution(
-                system, t, x.T, levels.show(mult.T, status.T), status.T, EventLog(event_t, events, self.words), dense,
-                outcome, cost, self.tolerances, ambiguities, system.parameters, course,
+                system, t, x.T, levels.show(mult.T, status.T) if levels else mult.T, status.T,
+                EventLog(event_t, events, self.words), dense, outcome, cost, self.tolerances, ambiguities, system.parameters, course,
             )  # fmt: skip
 
         found = solution(t, x, mult, status, whole)

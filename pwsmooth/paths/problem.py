@@ -40,7 +40,7 @@ class CompiledProblem:
         self.has_jets = series and code.has_jets
         # With families the text is that of one element, and `_numbers` writes what holds for it out.
         self._families = families = model.families
-        self._levels = bool(families and families.template.levels)
+        self.levels = bool(families and families.template.levels)
         self._text = text = families.template.model if families else model
         self._fixed_symbols = set(text.parameters) | (families.template.constants if families else set())
         self.kind = self._numbers("multipliers", [_kind(mu) for mu in text.multipliers])
@@ -235,7 +235,7 @@ class CompiledProblem:
         made.p[:] = p
         if self.ratios:
             made.ratio[:] = self._ratios_at(p)
-        if self._levels:
+        if self.levels:
             made.slip_share[:] = Levels(self._families, p).shares(self.code.m)
         return made
 
