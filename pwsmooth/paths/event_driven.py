@@ -541,7 +541,8 @@ class EventDriven:
         def solution(t: Any, x: Any, mult: Any, status: Any, course: Any = None) -> Solution:
             return Solution(
                 system, t, x.T, levels.show(mult.T, status.T) if levels else mult.T, status.T,
-                EventLog(event_t, events, self.words), dense, outcome, cost, self.tolerances, ambiguities, system.parameters, course,
+                EventLog(event_t, events, self.words), dense, outcome, cost, self.tolerances, ambiguities,
+                system.parameters, course,
             )  # fmt: skip
 
         found = solution(t, x, mult, status, whole)
