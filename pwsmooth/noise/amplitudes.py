@@ -5,7 +5,7 @@
 Of a model with families these are expressions of one element. A source is one of all elements, or each element has its
 own: the key (name, offset) of the element whose own it is, (name, None) of one of all. A function that reads neighbours
 feels their sources; one that reads a sum feels those of all, whose squares are one more sum.
-Chain: diffusion.py -> **this file** -> lowering.py.
+Chain: **this file** -> lowering.py.
 """
 
 from __future__ import annotations

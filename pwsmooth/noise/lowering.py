@@ -1,8 +1,8 @@
 """What a diffusion means for a model, in symbols: the functions that its steps ask for.
 
 The matrix G of a view, Milstein's terms L_j g_k = sum_i G_ij dG_k/dx_i (which need commuting columns), on which
-surfaces the noise acts, and how fast the drift varies. A model with families stays one (`lower_elements`).
-Chain: diffusion_run.py -> amplitudes.py -> **this file** -> kernels/noise/path.py.
+surfaces the noise acts, and how fast the drift varies. A model with families stays one.
+Chain: diffusion_run.py -> **this file**, on amplitudes.py -> kernels/noise/path.py.
 """
 
 from __future__ import annotations
