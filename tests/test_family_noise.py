@@ -185,3 +185,18 @@ def test_buffers_of_a_large_family_grow_with_it_alone(monkeypatch):
     _, x, v, system = blocks(n)
     run = solve(system, (0, 0.01), {x: 0, v: [0.3 + k / n for k in range(n)]}, local=False)
     assert run.success and len(run.t) < 60
+
+
+def test_a_surface_that_reads_a_sum_keeps_its_residual():
+    # The sums of the noise are beside those of the residual, d/dt of a summand that depends on time among them.
+    n = 10
+    family = Family(n)
+    (x,) = family.symbols("x")
+    V, Z = sp.symbols("V Z", real=True)
+    mean = family.sum(x * sp.cos(t)) / n
+    rates = {x: -x + Z * sp.sin(x), V: sp.sin(3 * t) - 2 * sp.sign(V - mean), Z: -Z * mean}
+    start = {x: np.linspace(0.2, 1, n).tolist(), V: 0.3, Z: 0.5}
+    for convention in ("ito", "stratonovich"):
+        noise = Diffusion({Z: (1 + Z**2) / 9}, 1 / 64, seed=1, convention=convention)
+        looped, written = both(System(rates, time=t), (0, 3), start, noise)
+        assert len(looped.events) > 0 and np.abs(looped.x - written.x).max() < 1e-12

@@ -88,10 +88,10 @@ class Amplitudes:
         """The sum of an expression over the elements of a family, a symbol."""
         if e == 0:
             return sp.S.Zero
-        for s, found in self.more.items():
+        for s, found in self.sums.items():
             if found == (family, e):
                 return s
-        symbol = sp.Symbol(name, real=True)
+        symbol = sp.Symbol(f"{name} under noise {len(self.more) + 1}", real=True)  # the template has sums like it
         self.more[symbol] = self.sums[symbol] = family, e
         return symbol
 
