@@ -623,11 +623,14 @@ class System(DescribedSystem):
         family = sigmoid_of(sigmoid)
         arguments = dict(ratios=ratios, sigmoid=family.key, eps_ratio=eps_ratio, time_constant=time_constant)
         view = View("layered", f"layered, {family.name} sigmoid", {}, self, arguments)
-        if self._by_element and eps_ratio is None and time_constant is None:
-            if element := self._slaved_element(family, ratios):
+        if self.model.families is not None and eps_ratio is None and time_constant is None:
+            names = [str(checks.named(key)) for key in checks.mapping(ratios, "`ratios`", "states to ratios")]
+            slaved = all(isinstance(r, (float, sp.Basic)) and r == sp.oo for r in ratios.values())
+            # Others have a layer of their own at every switch.
+            if slaved and (element := self._slaved_element(family, names)):
                 gone = {
-                    sp.Symbol(own): f"it is layered, {own} = {element.output(key, k)} in slow time"
-                    for key in map(str, ratios) for k, own in enumerate(element.groups.get(key, (key,))[:MANY])
+                    sp.Symbol(own): f"it is layered, {own} = {element.output(name, k)} in slow time"
+                    for name in names for k, own in enumerate(element.groups.get(name, (name,))[:MANY])
                 }  # fmt: skip
                 return self._of_element(element, {}, view._replace(gone=gone))
         if not self._lams:
@@ -659,26 +662,27 @@ class System(DescribedSystem):
         }
         return self._derived(field, model, values, view._replace(gone=gone))
 
-    def _slaved_element(self, family, ratios):
-        """One element of a layered view in which all states of a name are slaved; None where there is none."""
-        names = [checks.named(key) for key in checks.mapping(ratios, "`ratios`", "states to ratios")]
-        names = [f"{name}[]" if name in self.groups else name for name in map(str, names)]
-        if not all(isinstance(r, (float, sp.Basic)) and r == sp.oo for r in ratios.values()):
-            return None  # a layer of its own at every switch
+    def _slaved_element(self, family, names):
+        """One element of a layered view in which all states of these names are slaved; None where there is none."""
+        names = [f"{name}[]" if name in self.groups else name for name in names]
         key = "slaved element", family.key, *names
         if key not in self._cache:
+            constants: dict[sp.Symbol, sp.Expr] = {}
 
             def slave(field):
                 rates = dict(zip(field.states, field.rates, strict=True))
                 slaved = {z: sp.oo for z in field.states if z.name in names}
                 if len(slaved) < len(names) or not field.switches:
                     raise ValueError("told by the elements written out")
-                constants = {z: time_constant(z, rates[z], field.parameters) for z in slaved}
+                constants.update((z, time_constant(z, rates[z], field.parameters)) for z in slaved)
                 slow, _, layer = layered(field, slaved, constants)
                 return slow, (), {s.symbol: s.equilibrium for s in layer}, family.key
 
-            self._cache[key] = one_element.read(*self._arguments, view=slave)
-        return self._cache[key]
+            self._cache[key] = one_element.read(*self._arguments, view=slave), constants
+        element, constants = self._cache[key]
+        values = np.asarray(self.parameter_values, float)
+        positive = all((self.model.families.of_parameters(e, values) > 0).all() for e in constants.values())
+        return element if positive else None  # told by the elements written out
 
     def _backward(self):
         """(this system in s = -t, names of the contacts and events at which a run has to end)."""

@@ -114,3 +114,23 @@ def test_what_is_gone_is_told():
     start = {x: np.sin(np.arange(9)).tolist(), v: 0.1}
     ends = [solve(each, (0, 1), start, t_eval=[1]).x for each in (smooth, view._written_out().smoothed(0.01))]
     assert np.array_equal(*ends)
+
+
+def test_a_time_constant_is_positive_in_every_element():
+    x, v, z = Family(9).symbols("x v z")
+    (beta,) = x.family.symbols("beta")
+    rates = {x: v, v: -x - sp.sign(v) - z / 9, z: (sp.sign(v) - z) / beta}
+    with pytest.raises(ValueError, match="`time_constant` beta_9 of 'z_9' is -0.1; give a number > 0"):
+        System(rates, parameters={beta: [0.1] * 8 + [-0.1]}).layered({z: sp.oo})
+
+
+def test_a_slaved_state_may_be_named_as_a_function_of_time():
+    family, Z, tau = Family(9), sp.Symbol("Z", real=True), sp.Symbol("tau", positive=True)
+    x, v = family.symbols("x v")
+    system = System(
+        {x: v, v: -x - sp.sign(v) - Z / 9, Z: (family.sum(x) - Z) / tau}, time=t, parameters={tau: 0.1}
+    )
+    views = [system.layered({name: sp.oo}) for name in (Z, "Z", sp.Function("Z")(t))]
+    assert all(view.model.families is not None and len(view.states) == 18 for view in views)
+    run = solve(views[2], (0, 1), {x: 1, v: 0})
+    assert run["Z"] == pytest.approx(run.x[:9].sum(axis=0))

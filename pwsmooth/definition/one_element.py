@@ -213,11 +213,9 @@ class Element:
         """The first element whose contact has none between 0 and 1."""
         template = self.model.families.template
         given = parameters.array if isinstance(parameters, Numbers) else np.array([*parameters.values()], float)
-        starts = self.model.families.starts("parameters")
-        values = [given[a:b] for a, b in zip(starts, starts[1:])]
         for _, _, e in self.definition.field.contacts:
             if e.free_symbols <= set(template.model.parameters) and e.free_symbols:
-                found = np.atleast_1d(sp.lambdify(template.model.parameters, e, "numpy")(*values))
+                found = self.model.families.of_parameters(e, given)
                 yield from np.flatnonzero(~((found >= 0) & (found <= 1)))[:1].tolist()
 
 

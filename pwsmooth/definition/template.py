@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from .lambdified import numpy_function
 from .many import MANY, Symbols
 from .model import Beside, Model, Table
 
@@ -253,11 +254,12 @@ class Families:
                 values[s] = self.symbol(s, k)
         return e.xreplace(values) if values else e
 
-    def of_parameters(self, e: sp.Expr, p: np.ndarray, family: int) -> np.ndarray:
-        """An expression in parameters, whose values are p, for every element of a family."""
+    def of_parameters(self, e: sp.Expr, p: np.ndarray, family: int | None = None) -> np.ndarray:
+        """An expression in parameters, whose values are p: of every element that it reads, or for all of a family."""
         first = self.starts("parameters")
         values = [p[a:b] for a, b in zip(first, first[1:], strict=False)]
-        return np.broadcast_to(_numeric(self.template.model.parameters, e)(*values), self.sizes[family])
+        found = np.atleast_1d(_numeric(self.template.model.parameters, e)(*values))
+        return found if family is None else np.broadcast_to(found, self.sizes[family])
 
     def symbols(self, kind: str) -> Any:
         """All states or parameters, as a tuple or, of many, made when they are asked for."""
@@ -271,7 +273,7 @@ class Families:
 
 @lru_cache(maxsize=256)
 def _numeric(symbols: tuple[sp.Symbol, ...], e: sp.Expr) -> Any:
-    return sp.lambdify(symbols, e, "numpy")
+    return numpy_function(symbols, e)
 
 
 class Item:

@@ -91,7 +91,9 @@ class Amplitudes:
         for s, found in self.sums.items():
             if found == (family, e):
                 return s
-        symbol = sp.Symbol(f"{name} under noise {len(self.more) + 1}", real=True)  # the template has sums like it
+        symbol = sp.Symbol(
+            f"{name} under noise {len(self.more) + 1}", real=True
+        )  # the template has sums like it
         self.more[symbol] = self.sums[symbol] = family, e
         return symbol
 
