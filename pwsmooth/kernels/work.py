@@ -104,6 +104,7 @@ class Meeting(Bundle):
     grazed: "f8[m + ne]"  # where in the step each surface is grazed, in [0, 1]; 2 = not grazed
     graze_crosses: "i8[m + ne]"  # and whether it counts as crossed
     widest: "f8[m + ne]"  # largest |h| of each surface so far
+    blurred: "f8[m]"  # |h| of discs next to which 0 is not told from
     rhythm: "f8[3*m + 3*ne + 1, 2]"  # see rhythm.py
 
 

@@ -118,6 +118,8 @@ def ambiguities_in_words(model: Model, times: np.ndarray, records: np.ndarray) -
         if kind in (names.AMB_TWO_FOLD, names.AMB_HIDDEN_OSCILLATION):
             choice = "stopped"
         elif kind in (names.AMB_GRAZING, names.AMB_FOLD, names.AMB_INDETERMINATE):
+            if kind == names.AMB_GRAZING and disc:
+                continuations = ("touch and slip on", "stick until the force exceeds the friction")
             choice = continuations[taken]
         elif kind == names.AMB_REPELLING and disc:
             continuations = ("leave along the first axis", "leave in another direction", "stay on the surface")

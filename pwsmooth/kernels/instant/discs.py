@@ -11,6 +11,7 @@ from ..machine.compiling import kernel
 from ..machine.pointers import call_fields, call_layer_unit, call_linear, call_newton
 from ..outcome import Outcome
 from ..state import (
+    AMB_GRAZING,
     AMB_NEAR_MISS,
     AMB_REPELLING,
     COMPONENT,
@@ -38,6 +39,7 @@ _SWEEPS, _ALIKE = 200, 1e-10  # of discs that meet at an instant, and the change
 _BOUND = 1e-13  # by which lambda . lambda may exceed 1 in a stick
 _MOVED = 1e-12  # of G, above which something acts
 _SAME = 1e-9  # of lambda: by less the force of a stick has not jumped
+_ALONG = 0.9  # cosine: h/|h| next to h = 0 is made of roundings
 _LOOK = 1e-6  # of time, ahead
 _NUDGE = 1e-4  # of lambda, from a root that repels
 _STILL = 100.0  # tolerances of h: what may be left of a slip where another one has come to rest, as in step/resting.py
@@ -107,12 +109,75 @@ def _find_way_out(P, S, W, j):
 
 
 @kernel
+def _slows(P, S, W, j):
+    """The rate at which disc j comes to rest in the direction of S.mult; the rates of the states are in W.dx."""
+    push_of_disc(P, S, W, j)
+    rate = 0.0
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        rate -= S.mult[k] * W.g[k]
+    return rate
+
+
+@kernel
+def _only_touches(P, S, W, j):
+    """Whether the lambda that would hold disc j leaves the friction circle so soon that the slip, were it not held,
+    would dip below h = 0 by no more than what is next to it within rounding, b = W.meeting.blurred, twice: it may have
+    been taken to h = 0 from as far. S.mult is its direction from then on.
+
+        |h|' = -s + c t,   a dip of s^2/(2 c) < 2 b:      c t > 2 s at t = 8 b/s
+    """
+    size = 0.0
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        size += S.mult[k] ** 2
+    size = math.sqrt(size)
+    if size < 0.5:  # far from the circle
+        return False
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        S.mult[k] /= size
+    t, slope = S.t, slopes_of_disc(P, S, W, j)
+    slows = max(_slows(P, S, W, j), _SAME * slope)
+    ahead = 8.0 * W.meeting.blurred[j] / slows
+    for i in range(P.n):
+        W.instant.x[i] = S.x[i]
+        S.x[i] += ahead * W.dx[i]
+    S.t += ahead
+    touches = _slows(P, S, W, j) <= -slows
+    S.t = t
+    for i in range(P.n):
+        S.x[i] = W.instant.x[i]
+    if not touches:
+        for k in range(j + 1, j + 1 + P.dim[j]):
+            S.mult[k] *= size
+        mask_solved(P, S, W)
+        call_newton(P.newton_unit, P, S, W)
+    return touches
+
+
+@kernel
+def _goes_on(P, S, W, j):
+    """Whether the way out of disc j is that by which it came: a force that carries it off would not have let it come,
+    but for rounding."""
+    along = 0.0
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        along += S.mult[k] * W.instant.mult[k]
+    return along >= _ALONG
+
+
+@kernel
+def _slip_on(S, R, W, j):
+    """Disc j has only touched h = 0: that is no event."""
+    record_ambiguity(S, R, j, AMB_GRAZING, 0)
+    W.instant.hit[j] = False
+
+
+@kernel
 def settle_disc(P, S, R, W, j, arrives):
     """Disc j is at h = 0: it sticks, or slips on in the direction that is left in S.mult; a code.
 
     It comes in the direction of slip in the components' multipliers (`arrives`), or from the lambda that stands there.
     """
     d = P.dim[j]
+    W.meeting.widest[j] = 0.0  # the next slip has its own scale
     for k in range(j + 1, j + 1 + d):
         W.instant.mult[k] = S.mult[k]
     hold(P, S, j)
@@ -132,10 +197,18 @@ def settle_disc(P, S, R, W, j, arrives):
         if call_newton(P.newton_unit, P, S, W) == 0:
             return Outcome.NO_ROOT
         if S.mult[j] <= 1.0 + _BOUND:
-            S.mult[j] = min(S.mult[j], INSIDE)
+            if arrives and _only_touches(P, S, W, j):
+                release(P, S, j)
+                _slip_on(S, R, W, j)
+            else:
+                S.mult[j] = min(S.mult[j], INSIDE)
             return GO_ON
         release(P, S, j)
-        return GO_ON if _find_way_out(P, S, W, j) else Outcome.NO_ROOT
+        if not _find_way_out(P, S, W, j):
+            return Outcome.NO_ROOT
+        if arrives and _goes_on(P, S, W, j):
+            _slip_on(S, R, W, j)
+        return GO_ON
     if not arrives and strict and push <= _SAME * slope:
         mask_solved(P, S, W)
         return GO_ON if call_newton(P.newton_unit, P, S, W) != 0 else Outcome.NO_ROOT
@@ -179,10 +252,11 @@ def slip_by_layer(P, S, W, j):
 
 
 @kernel
-def free_components(P, S):
-    """The components of discs that a jump has taken off h = 0 are fixed from now on."""
+def free_components(P, S, W):
+    """The components of discs that a jump has taken off h = 0 are fixed from now on, and their slip has its own scale."""
     for j in range(P.m):
         if P.kind[j] == DISC and S.status[j] == 1:
+            W.meeting.widest[j] = 0.0
             for k in range(j + 1, j + 1 + P.dim[j]):
                 S.status[k] = 1
 
@@ -333,7 +407,7 @@ def release_discs(P, S, R, W):
         if W.h[j] > 0.0:
             # It has been carried away by less than a look ahead saw.
             S.status[j], S.mult[j] = 1, 1.0
-            free_components(P, S)
+            free_components(P, S, W)
             some = True
         elif acts:
             code = settle_disc(P, S, R, W, j, False)

@@ -207,7 +207,7 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
     if jumped:
         sides_after_jump(P, S, R, W)
         if P.discs != 0:
-            free_components(P, S)
+            free_components(P, S, W)
         stay_at_rest(P, C, S, R, W)
         hold_what_rests(P, S, R, W)
     switched = jumped

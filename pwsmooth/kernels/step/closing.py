@@ -18,8 +18,9 @@ from .recording import keep_dense, sample
 
 _LEAST, _MOST = 1e-8, 1e-6  # tolerance of the time
 _DIRECTION = 1e-6  # what is enough of a direction at its end that decides
-_CLOSED = -16.0  # of log(r/r1): what is left does not matter
 _STRAIGHT = 1e-5  # of the angle off the direction in which it ends
+_NEARER = 1e-2  # of what is next to h = 0 within rounding: so far what does not pass by is followed
+_FADES = 0.25  # of n.G, in which r falls by e: with more, as where h is only touched, n.G comes to 0 before r does
 _BENT = 1e-9  # of n.G, what that takes from it
 STEADY = 0.1  # tolerances of h: what the change of n.G on the rest of the way is worth
 _PASSED = 0.5
@@ -285,8 +286,8 @@ def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
             straight = angle <= _STRAIGHT and angle * angle * pull <= _BENT * abs(along)
         else:
             straight = angle * (angle if aims else 1.0) * left * pull <= worth
-        straight = straight and change * left <= worth
-        if along < 0.0 and (straight or y[_LOG] < _CLOSED):
+        straight = straight and change * left <= worth and change <= _FADES * abs(along)
+        if along < 0.0 and straight:
             for i in range(d):
                 y[i] = S.mult[j + 1 + i]
             if aims:
@@ -294,6 +295,8 @@ def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
             _rest_of_line(P, C, S, R, W, j, left / -along, leaves)
             for i in range(d):
                 S.mult[j + 1 + i] = y[i]
+            return S.t < latest
+        if left <= W.meeting.blurred[j] * (_NEARER if along < 0.0 else 1.0):
             return S.t < latest
         step = next_step(step, error)
     return False

@@ -10,9 +10,9 @@ from ..state import ALGEBRAIC, CLOSING, CONTACT, DISC, HELD, SOLVED, TAPE_STEP
 from ..surface.sliding import INSIDE
 from .closing import MOST, MOST_KEPT, STEADY, close, direction_decides, pull_of, wants
 from .recording import put_on_tape
+from .roots import GRAZING
 from .steps import surface_rows
 
-_ROUNDING = 1e-28  # of |h|^2, beside the largest so far
 _NEAR = 100.0  # tolerances of h: so near to rest the slip is closed at once
 _EARLY = 1e-5  # of the largest |h|: so near to rest it is closed if nothing else happens by then
 _SHORT = 0.75  # of the time to rest: a step in time that is worth one that closes it
@@ -57,15 +57,17 @@ def _near_rest(P, C, S, W, j):
     """|h|^2 of disc j from which on its slip is closed, and that from which on whatever else may happen by then; the
     tolerance of h.
 
-    At the first jets that keep it begin to lose digits of the direction of h, at the second they have.
+    At the first jets that keep it begin to lose digits of the direction of h, at the second they have. Leaves in
+    W.meeting.blurred where h is next to 0 within rounding.
     """
-    tolerance, blurred = C.rtol * math.sqrt(W.meeting.widest[j]), 0.0
+    tolerance, terms = C.rtol * math.sqrt(W.meeting.widest[j]), 0.0
     for k in range(j + 1, j + 1 + P.dim[j]):
         for e in range(P.dh_row[k], P.dh_row[k + 1]):
             tolerance += abs(W.dh[e]) * C.atol[P.dh_col[e]]
             if P.surface_state[k] < 0:
-                blurred += _BLURRED * abs(W.dh[e] * S.x[P.dh_col[e]])
-    last = max(_NEAR * tolerance, blurred) ** 2
+                terms += abs(W.dh[e] * S.x[P.dh_col[e]])
+    W.meeting.blurred[j] = GRAZING * (math.sqrt(W.meeting.widest[j]) + terms)
+    last = max(_NEAR * tolerance, _BLURRED * terms) ** 2
     return max(last, _EARLY**2 * W.meeting.widest[j]), last, tolerance
 
 
@@ -162,26 +164,23 @@ def come_to_rest_in_disc(P, C, S, R, W, h):
         first, ticks = 1e-300, 1e-15 * time_size(S)
         for k in range(j + 1, j + 1 + P.dim[j]):
             first += at(rows[all_rows[k]], 1) ** 2
-        if square <= ticks * ticks * first:
-            # Nearer than the clock tells, on its way to rest or past it.
+        early, late, tolerance = _near_rest(P, C, S, W, j)
+        if square <= max(ticks * ticks * first, W.meeting.blurred[j] ** 2):
+            # Nearer than the clock or h tells, on its way to rest or past it.
             _come_from(P, S, R, W, j)
-            W.meeting.widest[j] = 0.0
             return h, j
         if not slope < 0.0:
             continue
         left = -2.0 * square / slope
-        early, late, tolerance = _near_rest(P, C, S, W, j)
         if square <= early:
             closes, latest = square <= late, W.step.stop
             if not closes:
                 latest = min(latest, S.t + _FAR * left)
                 closes = _closes_early(P, S, W, j, h, left, first, tolerance)
             if closes and S.t + left < latest and _close(P, C, S, R, W, j, square, late, tolerance, latest):
-                W.meeting.widest[j] = 0.0  # the next slip has its own scale
                 return h, j
-        if square <= _ROUNDING * W.meeting.widest[j] or left <= ticks:
+        if left <= ticks:
             _come_from(P, S, R, W, j)
-            W.meeting.widest[j] = 0.0
             return h, j
         if h > (1.0 - _MOST_LEFT) * left:
             # How much the approach is going to bend, in direction and in speed.
