@@ -32,9 +32,10 @@ from ..surface.layer import ARRIVE
 from ..surface.sliding import INSIDE, keep_at_rest, mask_solved
 from ..surface.sparse import link
 from ..surface.vector import begins, push_of_disc, pushes_back, slopes_of_disc, turn
-from .settling import layer_code, settle_at_rest
+from .settling import layer_code, settle_arrivals, settle_at_rest
 from .together import depend, settle_dependent
 
+ALONE, AT_REST, ARRIVING = range(3)  # how discs are settled: without switches, or with those at their surfaces
 _SWEEPS, _ALIKE = 200, 1e-10  # of discs that meet at an instant, and the change of lambda that ends them
 _BOUND = 1e-13  # by which lambda . lambda may exceed 1 in a stick
 _MOVED = 1e-12  # of G, above which something acts
@@ -253,7 +254,7 @@ def slip_by_layer(P, S, W, j):
 
 @kernel
 def free_components(P, S, W):
-    """The components of discs that a jump has taken off h = 0 are fixed from now on, and their slip has its own scale."""
+    """The components of discs that a jump has taken off h = 0 are fixed from now on; their slip has its own scale."""
     for j in range(P.m):
         if P.kind[j] == DISC and S.status[j] == 1:
             W.meeting.widest[j] = 0.0
@@ -268,33 +269,43 @@ def _stands(P, S, j):
 
 
 @kernel
-def _settle_switches_at_rest(P, C, S, R, W):
-    """The switches that a jump has brought to rest on their surfaces, with the discs as they are; a code."""
-    size = 0
+def _settle_switches(P, C, S, R, W, how):
+    """The switches that come to their surfaces, from their side or put there by a jump, with the discs as they are; a
+    code."""
+    instant, size, code = W.instant, 0, GO_ON
     for j in range(P.m):
-        comes = W.instant.hit[j] and P.kind[j] == SLIDING and W.instant.came[j] != SOLVED
+        comes = instant.hit[j] and P.kind[j] == SLIDING and instant.came[j] != SOLVED
         if comes and S.status[j] != HELD:
-            W.instant.active[size] = j
+            instant.active[size] = j
             size += 1
-    return settle_at_rest(P, C, S, R, W, size) if size > 0 else GO_ON
+    if how == AT_REST and size > 0:
+        return settle_at_rest(P, C, S, R, W, size)
+    for a in range(size):
+        j = instant.active[a]
+        S.status[j] = instant.came[j]
+        instant.group[0], instant.arrival[0] = j, S.status[j]
+        one = settle_arrivals(P, S, R, W, 1)
+        code = code if one == GO_ON else one
+    return code
 
 
 @kernel
-def _settle_with_others(P, C, S, R, W, jumped):
-    """All at h = 0, discs and after a jump switches, each with what the others do, until none changes; a code.
+def _settle_with_others(P, C, S, R, W, switches):
+    """All at h = 0, discs and, AT_REST or ARRIVING but not if ALONE, switches that come there, each with what the
+    others do, until none changes; a code.
 
     Block by block that is the variational inequality on the product of their balls: what one does decides whether
     another slips.
     """
     count, ambiguities = 0, S.ambiguities
     for j in range(P.m):
-        if _stands(P, S, j) or (jumped and W.instant.hit[j] and P.kind[j] == SLIDING):
+        if _stands(P, S, j) or (switches != ALONE and W.instant.hit[j] and P.kind[j] == SLIDING):
             count += 1
     for _ in range(_SWEEPS if count > 1 else 0):
         for j in range(P.m):
             W.instant.before[j], W.closing_mult[j] = S.status[j], S.mult[j]
         S.ambiguities = ambiguities
-        code = _settle_switches_at_rest(P, C, S, R, W) if jumped else GO_ON
+        code = _settle_switches(P, C, S, R, W, switches) if switches != ALONE else GO_ON
         for j in range(P.m):
             if code == GO_ON and _stands(P, S, j):
                 code = settle_disc(P, S, R, W, j, False)
@@ -380,7 +391,7 @@ def settle_discs(P, C, S, R, W, jumped):
             return code, True
         joins = True
     if joins:
-        code = _settle_with_others(P, C, S, R, W, jumped)
+        code = _settle_with_others(P, C, S, R, W, AT_REST if jumped else ALONE)
         if code != GO_ON:
             return code, True
         for j in range(P.m):
@@ -420,8 +431,9 @@ def release_discs(P, S, R, W):
 
 
 @kernel
-def resettle_discs(P, C, S, R, W):
-    """Sticking discs whose force has jumped, together with those at rest beside them: a code."""
+def resettle_discs(P, C, S, R, W, switches):
+    """Sticking discs whose force has jumped, together with those at rest beside them, and with the `switches` that come
+    to their surfaces: a code."""
     for j in range(P.m):
         if P.kind[j] != DISC or S.status[j] != SOLVED:
             continue
@@ -429,5 +441,5 @@ def resettle_discs(P, C, S, R, W):
         # A switch that has settled may have solved for this lambda as well, and left it beyond its bound.
         if S.mult[j] > 1.0 + _SAME or not push_of_disc(P, S, W, j) <= _SAME * slope + _MOVED:
             code = settle_disc(P, S, R, W, j, False)
-            return _settle_with_others(P, C, S, R, W, W.instant.jumped != 0) if code == GO_ON else code
+            return _settle_with_others(P, C, S, R, W, switches) if code == GO_ON else code
     return GO_ON

@@ -40,8 +40,9 @@ from ..step.finer import SWITCHING, follow_arcs, follow_as_asked
 from ..step.recording import put_causes_on_tape, record_ambiguity, record_event, record_point
 from ..step.singular import has_branch_point
 from ..surface.layer import LEAVE_FOLD
-from ..surface.sliding import keep_on_surface, surface_rounding
+from ..surface.sliding import INSIDE, keep_on_surface, surface_rounding
 from ..surface.sparse import link
+from ..surface.vector import begins
 from ..work import Work
 from .accumulation import AT_ONCE, at_once_within, is_passed, pass_accumulation
 from .contacts import (
@@ -53,7 +54,7 @@ from .contacts import (
     settle_contacts,
     stop_closed,
 )
-from .discs import free_components, resettle_discs, settle_discs, slip_by_layer
+from .discs import ALONE, ARRIVING, AT_REST, free_components, resettle_discs, settle_discs, slip_by_layer
 from .dry_friction import leave_loop, settle_friction
 from .firing import events, sides_after_crossing, sides_after_jump, step_inside
 from .holding import (
@@ -154,6 +155,15 @@ def _arrivals(P, C, S, R, W, size, jumped):
             instant.arrival[0] = S.status[instant.active[a]]
             one = settle_arrivals(P, S, R, W, 1)
             code = code if one == GO_ON else one
+    if code == GO_ON and P.discs != 0:
+        for a in range(joint):
+            instant.kept[a] = instant.active[a]
+        code = resettle_discs(P, C, S, R, W, AT_REST if jumped else ARRIVING)
+        for a in range(joint):
+            instant.active[a] = instant.kept[a]
+        for j in range(P.m):
+            if P.kind[j] == DISC and instant.came[j] == SOLVED and S.status[j] == 1:
+                record_event(S, R, j, EV_RESET, 0, 1)
     if code != GO_ON:
         return code
     for a in range(joint):
@@ -327,7 +337,8 @@ def _follow_up(P, C, S, R, W):
     sides_after_crossing(P, S, R, W)
     for j in range(P.m):
         W.instant.status[j] = S.status[j]
-    code = resettle_discs(P, C, S, R, W) if P.discs != 0 else GO_ON
+    switches = AT_REST if W.instant.jumped != 0 else ALONE
+    code = resettle_discs(P, C, S, R, W, switches) if P.discs != 0 else GO_ON
     if code == GO_ON:
         code = resettle(P, S, R, W)
     for j in range(P.m):
@@ -358,6 +369,8 @@ def _note_what_is_met(P, S, W):
         left = S.deflate[i] != 0 and not instant.hit[i]
         if left and (elapsed > 1e-12 * time_size(S) or _left_behind(P, S, W, i)):
             S.deflate[i] = 0
+        if i < m and begins(P, S, i):
+            S.mult[i] = INSIDE  # at h = 0 still: its direction is not yet h/|h|
     for i in range(ne):
         # One surface, met once: roundings may put its two series' zeros on either side of the step's end.
         j = abs(P.twin[i]) - 1

@@ -20,7 +20,9 @@ _LEAST, _MOST = 1e-8, 1e-6  # tolerance of the time
 _DIRECTION = 1e-6  # what is enough of a direction at its end that decides
 _STRAIGHT = 1e-5  # of the angle off the direction in which it ends
 _NEARER = 1e-2  # of what is next to h = 0 within rounding: so far what does not pass by is followed
-_FADES = 0.25  # of n.G, in which r falls by e: with more, as where h is only touched, n.G comes to 0 before r does
+_FADES = (
+    0.25  # of n.G, in which r falls by e: with more, as where h is only touched, n.G comes to 0 before r does
+)
 _BENT = 1e-9  # of n.G, what that takes from it
 STEADY = 0.1  # tolerances of h: what the change of n.G on the rest of the way is worth
 _PASSED = 0.5
