@@ -374,3 +374,18 @@ def test_a_slip_begins_where_the_sticks_beside_it_hold_as_they_will():
     assert solution["lam_x"][0] == pytest.approx(-aslant, abs=1e-14)
     assert solution["s"][0] == pytest.approx((1.8 - aslant) / 1.5, abs=1e-14)
     assert solution.x[3:, -1] == pytest.approx([aslant - 0.9, aslant - 0.9, 0], abs=1e-12)
+
+
+def test_a_switch_that_arrives_lets_a_disc_go_and_stays_for_that():
+    """Were the block held on, it would take the plate through its rest; as it slips, the plate stops there."""
+    u, w = sp.symbols("u w", real=True)
+    lam, s = Disc("lam", (vx, vy)), Switch("s", w)
+    rates = {u: w, vx: -1 + 1.4 * s - lam[0], vy: -lam[1], w: -0.3 - 1.5 * s + lam[0]}
+    solution = solve(System(rates), (0, 2), [0, 0, 0, 1.4], **TIGHT)
+    assert [(e.time, e.switch, e.kind) for e in solution.events] == [
+        (pytest.approx(1, abs=1e-14), "lam", "slip by reset"),
+        (pytest.approx(1, abs=1e-14), "s", "stick"),
+    ]
+    held = -1.3 / 1.5
+    assert solution["s"][-1] == pytest.approx(held, abs=1e-13)
+    assert solution.x[:, -1] == pytest.approx([0.7, 1.4 * held, 0, 0], abs=1e-12)
