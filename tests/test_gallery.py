@@ -735,6 +735,9 @@ def test_spinning_disc_page_ends_where_force_and_moment_fall_alike():
         assert names["ends"]["disc by an ellipsoid", spin][2] < 0.65
     assert names["ends"]["disc", 0.25][:2] == pytest.approx([1.0405289019957545, 0.5079062007600681], abs=1e-11)
     assert names["grips"] == pytest.approx(9.81 / 0.5 * np.hypot(1, names["arms"] / 0.02), abs=1e-7)
+    for aside, slow in names["stones"].values():
+        assert aside == pytest.approx(slow, rel=0.03)
+    assert names["stones"][-0.5][0] == pytest.approx(-names["stones"][0.5][0], rel=1e-9)
 
 
 def test_table_on_legs_goes_as_legs_that_creep_a_little():

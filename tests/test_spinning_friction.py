@@ -1,7 +1,7 @@
 """Contacts that slide and spin: Contensou's force and moment, the ellipsoid in their place, rolling and torsion.
 
-References: elliptic integrals of SciPy; closed forms; for uniform discs 18-digit integrations with mpmath, of the
-equations of Farkas et al., PRL 90 (2003) 248302.
+References: elliptic integrals of SciPy; means over a rim; closed forms; for uniform discs 18-digit integrations with
+mpmath, of the equations of Farkas et al., PRL 90 (2003) 248302.
 """
 
 import functools
@@ -9,6 +9,7 @@ import functools
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.integrate import solve_ivp
 from scipy.special import ellipe, ellipk, ellipkm1
 
 from pwsmooth import System, solve
@@ -99,6 +100,52 @@ def test_slide_and_spin_of_a_ring_become_one_speed(speed, rate):
     run, stop = thrown(Contensou(shape="ring"), 1.0, speed, rate)
     far = [abs(ratio(run, time) - 1) for time in (0, stop - 1e-2, stop - 1e-4)]
     assert far[0] >= 0.5 and max(far[1:]) < 1e-8
+
+
+def on_the_rim(ratio, points=400_000):
+    """<W cos^2/|v + omega x r|>/W of a ring, |v| = ratio W, by the mean of many points of its rim."""
+    share, at = 1 / np.hypot(1, ratio), (np.arange(points) + 0.5) * 2 * np.pi / points
+    return np.mean(np.cos(at) ** 2 / np.sqrt(1 - 2 * ratio * share**2 * np.sin(at)))
+
+
+def test_what_a_tilted_ring_has_across_is_the_mean_over_its_rim():
+    B = sp.Symbol("B", positive=True)
+    shown = sp.lambdify(B, factors("across", B)[0], "math")
+    for ratio in (*np.geomspace(0.02, 50, 31), 0.999, 1.001, 1 + 1e-5):
+        assert shown(1 / (1 + ratio**2)) == pytest.approx(on_the_rim(ratio), abs=1e-11)
+
+
+@pytest.mark.parametrize("tilt", [-0.5, 0.8])
+@pytest.mark.parametrize(("rate", "end"), [(0.2, 0.6), (-0.3, 0.6), (2.0, 0.5)])
+def test_a_tilted_ring_moves_as_the_points_of_its_rim_push_it(tilt, rate, end):
+    """Against SciPy, with the force of 2048 points, each rubbing by what its place in front or behind gives it."""
+    at, inertia = (np.arange(2048) + 0.5) * 2 * np.pi / 2048, 2.0
+
+    def rates(time, q):
+        speed = np.hypot(q[3], q[4])
+        ahead = np.array([q[3], q[4]]) / speed
+        slip = np.array([speed - q[5] * np.sin(at), q[5] * np.cos(at)])
+        slip /= np.hypot(*slip)
+        share = 1 + tilt * slip[0].mean() * np.cos(at)
+        along, aside = (share * slip).mean(axis=1)
+        moment = (share * (np.cos(at) * slip[1] - np.sin(at) * slip[0])).mean()
+        force = along * ahead + aside * np.array([-ahead[1], ahead[0]])
+        return [*q[3:], *-force, -moment / inertia]
+
+    law = Contensou(shape="ring", tilt=tilt)
+    start = [0, 0, 0, 0.6, 0.8, rate]
+    told = solve_ivp(rates, (0, end), start, method="DOP853", rtol=1e-11, atol=1e-13)
+    run = solve(spinning(law, inertia), (0, end), start, rtol=1e-12)
+    assert run.x[:, -1] == pytest.approx(told.y[:, -1], abs=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [({"tilt": 0.1}, "is that of a ring"), ({"shape": "ring", "tilt": -1.1}, "between -1 and 1")],
+)
+def test_a_tilt_that_cannot_be_is_refused(given, told):
+    with pytest.raises(ValueError, match=told):
+        Contensou(**given)
 
 
 def test_an_ellipsoid_gets_the_levels_but_not_the_end():

@@ -36,7 +36,7 @@ def spinning_disc(
     law: Law, *, velocity: Sequence[float] = (1.0, 0.0), spin: float = 1.0, m: float = 1.0, inertia: float = 0.5,
     push: Sequence[float] = (0.0, 0.0, 0.0), t_span: tuple[float, float] = (0.0, 5.0),
 ) -> Scene:  # fmt: skip
-    """A disc that slides and spins on a plane: a puck, a coaster, a curling stone without its curl.
+    """A disc that slides and spins on a plane: a puck, a coaster; a curling stone, whose ring has a `tilt`.
 
     Parameters
     ----------

@@ -19,6 +19,7 @@ from .recording import keep_dense, sample
 _LEAST, _MOST = 1e-8, 1e-6  # tolerance of the time
 _DIRECTION = 1e-6  # what is enough of a direction at its end that decides
 _STRAIGHT = 1e-5  # of the angle off the direction in which it ends
+_SLOWEST = 1e-3  # of the friction: the least deceleration that counts
 _NEARER = 1e-2  # of what is next to h = 0 within rounding: so far what does not pass by is followed
 _FADES = (
     0.25  # of n.G, in which r falls by e: with more, as where h is only touched, n.G comes to 0 before r does
@@ -263,7 +264,10 @@ def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
         for s in range(1, STAGES + 1):
             stage_point(y, k, s, _X + n, step, new)
             along = _closing_rates(P, S, W, j, size, new, k, s)
-        error = _step_error(W, d, n, step, relative, enough)
+        slow = min(
+            max(abs(along) / fastest, _SLOWEST), 1.0
+        )  # the slower it comes to rest the later it is for an error
+        error = _step_error(W, d, n, step, relative * slow, enough)
         if not error <= 1.0:
             along = before
             step = next_step(step, error)
@@ -289,7 +293,8 @@ def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
         else:
             straight = angle * (angle if aims else 1.0) * left * pull <= worth
         straight = straight and change * left <= worth and change <= _FADES * abs(along)
-        if along < 0.0 and straight:
+        near = left <= W.meeting.blurred[j] * (_NEARER if along < 0.0 else 1.0)
+        if along < 0.0 and (straight or (near and change <= abs(along))):
             for i in range(d):
                 y[i] = S.mult[j + 1 + i]
             if aims:
@@ -298,7 +303,7 @@ def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
             for i in range(d):
                 S.mult[j + 1 + i] = y[i]
             return S.t < latest
-        if left <= W.meeting.blurred[j] * (_NEARER if along < 0.0 else 1.0):
+        if near:
             return S.t < latest
         step = next_step(step, error)
     return False

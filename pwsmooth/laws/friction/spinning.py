@@ -11,9 +11,13 @@ of B/A (Farkas, Bartels, Unger, Wolf, PRL 90, 2003, 248302); here both come from
     disc   F = 2/(3 pi a B) (J - (A - B)^2 I),    M = 4/(9 pi b B) ((A - B)^2 I + (2 B - A) J)
     ring   F = (J + (A - B) I)/(pi a),            M = (J + (B - A) I)/(pi b)
 
+Where a ring rubs by tilt |F|/F_c more in front than behind, F also has tilt lambda_z X times itself across the slide:
+
+    X = <W cos^2/|v + omega x r|>/W = 2/3 (I' - S),  I' = 2 I/pi = <1/|.|>,  S = (I' - M/b)/(2 A) = (I' - F/a)/(2 B)
+
 They are analytic but for e = A - B = 0, where the centre of rotation crosses the rim. What the equations get is
 
-    P(e) + e^2 Q(e) log(e^2 + delta^2)/2,  of the ring e Q(e) in the place of e^2 Q(e),
+    P(e) + e^2 Q(e) log(e^2 + delta^2)/2,  of F and M of the ring e Q(e) in the place of e^2 Q(e),
 
 with polynomials P and Q fitted to these values when the law is first used. As the singularity has this form they
 converge like a series: measured against elliptic integrals, 1e-12 F_c of the disc and 1e-8 F_c of the ring, of which
@@ -36,7 +40,7 @@ _INSIDE = 1e-3  # of (1 - lambda.lambda)^2 in the logarithm: more would fold the
 
 
 def exact_factors(shape, e):
-    """phi and psi at e = A - B, shape (n,) each, without cancellation; e is not 0."""
+    """phi and psi at e = A - B, of what is "across" X; shape (n,) each, without cancellation; e is not 0."""
     A, B = (1 + e) / 2, (1 - e) / 2
     w, most = np.minimum(A, B), np.maximum(A, B)
     a, b = np.sqrt(most), np.sqrt(np.abs(e))
@@ -48,25 +52,34 @@ def exact_factors(shape, e):
         a, b = (a + b) / 2, np.sqrt(a * b)
     mean = np.pi / (2 * a)
     # w/A and w/B are B/most and A/most; what cancels at A = 0 or at B = 0 is gone by hand.
-    if shape == "ring":
-        return tuple(
+    if shape != "disc":
+        phi, psi = (
             mean / np.pi * (1 + np.maximum(0, 1 - other / one) - total * w * other / most)
             for one, other in ((A, B), (B, A))
         )
+        if shape == "ring":
+            return phi, psi
+        inverse = 2 * mean / np.pi
+        return (2 / 3 * (inverse - (inverse - np.where(A > B, psi, phi)) / (2 * most)),)
     phi = 2 * mean / (3 * np.pi) * (3 - w / most * (1 + total))
     turned = np.where(B > A, (2 * B - A) * (B - A) / B**2, 0)
     psi = 4 * mean / (9 * np.pi) * (1 + (A - 2 * B) * total * (A / most) ** 2 + turned)
     return phi, psi
 
 
+def _power(shape):
+    """Of e beside the logarithm."""
+    return 1 if shape == "ring" else 2
+
+
 @functools.cache
 def _fitted(shape):
-    """The coefficients of P and Q, of phi and of psi."""
+    """The coefficients of P and Q, of each factor."""
     near = np.concatenate(
         [0.5 * (1 - np.cos(np.pi * (np.arange(150) + 0.5) / 150)), 10.0 ** -np.linspace(0.5, 7, 80)]
     )
     e = np.concatenate([-near, near])
-    power = 2 if shape == "disc" else 1
+    power = _power(shape)
     columns = [np.vander(e, _DEGREES[0] + 1, increasing=True),
                np.vander(e, _DEGREES[1] + 1, increasing=True) * (e**power * np.log(np.abs(e)))[:, None]]  # fmt: skip
     both = np.linalg.lstsq(np.hstack(columns), np.transpose(exact_factors(shape, e)), rcond=None)[0]
@@ -74,9 +87,9 @@ def _fitted(shape):
 
 
 def factors(shape, B, square=1):
-    """phi and psi of B = lambda_z^2 and of lambda.lambda as expressions."""
+    """The factors of exact_factors, of B = lambda_z^2 and of lambda.lambda, as expressions."""
     e = 1 - 2 * B
-    singular = e ** (2 if shape == "disc" else 1) * sp.log(e**2 + _DELTA**2 + _INSIDE * (1 - square) ** 2) / 2
+    singular = e ** _power(shape) * sp.log(e**2 + _DELTA**2 + _INSIDE * (1 - square) ** 2) / 2
 
     def polynomial(coefficients):
         # By powers, which all four share: the Taylor series of a power is a product, that of a sum is none.
@@ -105,6 +118,11 @@ class Contensou(SpinningLaw):
     Slides, spins and their stops are followed to the last digits. A rest under a load that changes is not yet: such a
     run may end as singular or not finite, with what came before; `LimitEllipsoid` follows it.
 
+    A ring that its own friction presses down in front, at the height h of its centre of mass, rubs more there: by
+    2 mu h/R, its `tilt`. Then the force is not against the slide, and the path bends: with a spin to the left to the
+    right, as a glass on a table does. A curling stone, which melts the ice where it presses, rubs less in front, and
+    bends to the left.
+
     Examples
     --------
     A disc (of mass 1, F_c = R = 1) that slides and spins stops both at once:
@@ -121,21 +139,45 @@ class Contensou(SpinningLaw):
     stick (lam sliding) 1.040528902
     """
 
-    source = "Contensou 1963; closed form of Farkas, Bartels, Unger, Wolf, PRL 90 (2003) 248302; derived here as means"
+    source = (
+        "Contensou 1963; closed form of Farkas, Bartels, Unger, Wolf, PRL 90 (2003) 248302; derived here as means, with "
+        "the tilt, whose sign on ice is that of Penner, Am. J. Phys. 69 (2001) 332"
+    )
     F_c: float = parameter(1.0, "N", "Coulomb force")
     R: float = parameter(1.0, "m", "radius of the contact")
     shape: str = parameter(
         "disc", "1", "Where the pressure is: all over a disc, or on its rim", choices=("disc", "ring")
     )
+    tilt: float = parameter(
+        0.0,
+        "1",
+        "by how much more a ring rubs in front than on its sides, over |F|/F_c",
+        "real",
+        structural=True,
+    )
+
+    def check(self):
+        if self.tilt and self.shape != "ring":
+            raise ValueError(
+                f"`tilt` = {self.tilt!r} is that of a ring; give shape='ring', or tilt=0 for a disc."
+            )
+        if abs(self.tilt) > 1:
+            raise ValueError(
+                f"`tilt` = {self.tilt!r} would pull behind or in front; give one between -1 and 1."
+            )
 
     def pieces(self, at, p):
         first, second, spin = at.v
         surfaces = (first, second, p.R * spin)
         lam = Disc(at.label("lam"), surfaces)
         phi, psi = factors(self.shape, lam[2] ** 2, lam.square)
-        return Pieces(
-            force=(p.F_c * phi * lam[0], p.F_c * phi * lam[1], p.F_c * p.R * psi * lam[2]), surfaces=surfaces
-        )
+        along = lam[0], lam[1]
+        if self.tilt:
+            (across,) = factors("across", lam[2] ** 2, lam.square)
+            bend = self.tilt * across * lam[2]
+            along = lam[0] - bend * lam[1], lam[1] + bend * lam[0]
+        force = *(p.F_c * phi * part for part in along), p.F_c * p.R * psi * lam[2]
+        return Pieces(force=force, surfaces=surfaces)
 
 
 @law
