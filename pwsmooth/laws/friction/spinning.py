@@ -140,8 +140,8 @@ class Contensou(SpinningLaw):
     """
 
     source = (
-        "Contensou 1963; closed form of Farkas, Bartels, Unger, Wolf, PRL 90 (2003) 248302; derived here as means, with "
-        "the tilt, whose sign on ice is that of Penner, Am. J. Phys. 69 (2001) 332"
+        "Contensou 1963; closed form of Farkas, Bartels, Unger, Wolf, PRL 90 (2003) 248302; derived here as means, "
+        "with the tilt, whose sign on ice is that of Penner, Am. J. Phys. 69 (2001) 332"
     )
     F_c: float = parameter(1.0, "N", "Coulomb force")
     R: float = parameter(1.0, "m", "radius of the contact")
