@@ -158,12 +158,11 @@ def _arrivals(P, C, S, R, W, size, jumped):
     if code == GO_ON and P.discs != 0:
         for a in range(joint):
             instant.kept[a] = instant.active[a]
+        for j in range(P.m):
+            instant.status[j] = S.status[j]
         code = resettle_discs(P, C, S, R, W, AT_REST if jumped else ARRIVING)
         for a in range(joint):
             instant.active[a] = instant.kept[a]
-        for j in range(P.m):
-            if P.kind[j] == DISC and instant.came[j] == SOLVED and S.status[j] == 1:
-                record_event(S, R, j, EV_RESET, 0, 1)
     if code != GO_ON:
         return code
     for a in range(joint):
@@ -183,6 +182,9 @@ def _arrivals(P, C, S, R, W, size, jumped):
             note_arc(S, j, approach_speed(P, S, j, W))
         if S.status[j] != SOLVED and P.step_unit != 0:
             step_inside(P, S, j, W)
+    for j in range(P.m):
+        if P.kind[j] == DISC and instant.status[j] == SOLVED and S.status[j] == 1:
+            record_event(S, R, j, EV_RESET, 0, 1)
     return GO_ON
 
 

@@ -21,9 +21,7 @@ _DIRECTION = 1e-6  # what is enough of a direction at its end that decides
 _STRAIGHT = 1e-5  # of the angle off the direction in which it ends
 _SLOWEST = 1e-3  # of the friction: the least deceleration that counts
 _NEARER = 1e-2  # of what is next to h = 0 within rounding: so far what does not pass by is followed
-_FADES = (
-    0.25  # of n.G, in which r falls by e: with more, as where h is only touched, n.G comes to 0 before r does
-)
+_FADES = 0.25  # of n.G, while r falls by e: with more, as where h is only touched, n.G comes to 0 before r does
 _BENT = 1e-9  # of n.G, what that takes from it
 STEADY = 0.1  # tolerances of h: what the change of n.G on the rest of the way is worth
 _PASSED = 0.5
@@ -264,9 +262,8 @@ def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
         for s in range(1, STAGES + 1):
             stage_point(y, k, s, _X + n, step, new)
             along = _closing_rates(P, S, W, j, size, new, k, s)
-        slow = min(
-            max(abs(along) / fastest, _SLOWEST), 1.0
-        )  # the slower it comes to rest the later it is for an error
+        # The slower it comes to rest the more an error changes when it does.
+        slow = min(max(abs(along) / fastest, _SLOWEST), 1.0)
         error = _step_error(W, d, n, step, relative * slow, enough)
         if not error <= 1.0:
             along = before

@@ -165,8 +165,9 @@ def come_to_rest_in_disc(P, C, S, R, W, h):
         for k in range(j + 1, j + 1 + P.dim[j]):
             first += at(rows[all_rows[k]], 1) ** 2
         early, late, tolerance = _near_rest(P, C, S, W, j)
-        if square <= max(ticks * ticks * first, W.meeting.blurred[j] ** 2):
-            # Nearer than the clock or h tells, on its way to rest or past it.
+        blurred = square <= W.meeting.blurred[j] ** 2 and square < W.meeting.widest[j]
+        if blurred or square <= ticks * ticks * first:
+            # Nearer than h or the clock tells, on its way to rest or past it.
             _come_from(P, S, R, W, j)
             return h, j
         if not slope < 0.0:
