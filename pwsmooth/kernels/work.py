@@ -286,7 +286,7 @@ class Instant(Bundle):
     hit: "b1[m + ne]"  # met
     came: "i8[m]"  # status before the instant
     active: "i8[m]"  # switches that are settled
-    kept: "i8[m]"  # these, while discs are
+    kept: "i8[2, m]"  # these, while discs are, and the status of all before
     arrival: "i8[m]"  # side of arrival of the active ones
     group: "i8[m]"  # those whose layers are settled together
     status: "i8[m]"  # kept over another look

@@ -157,12 +157,12 @@ def _arrivals(P, C, S, R, W, size, jumped):
             code = code if one == GO_ON else one
     if code == GO_ON and P.discs != 0:
         for a in range(joint):
-            instant.kept[a] = instant.active[a]
+            instant.kept[0, a] = instant.active[a]
         for j in range(P.m):
-            instant.status[j] = S.status[j]
+            instant.kept[1, j] = S.status[j]
         code = resettle_discs(P, C, S, R, W, AT_REST if jumped else ARRIVING)
         for a in range(joint):
-            instant.active[a] = instant.kept[a]
+            instant.active[a] = instant.kept[0, a]
     if code != GO_ON:
         return code
     for a in range(joint):
@@ -183,7 +183,7 @@ def _arrivals(P, C, S, R, W, size, jumped):
         if S.status[j] != SOLVED and P.step_unit != 0:
             step_inside(P, S, j, W)
     for j in range(P.m):
-        if P.kind[j] == DISC and instant.status[j] == SOLVED and S.status[j] == 1:
+        if P.kind[j] == DISC and instant.kept[1, j] == SOLVED and S.status[j] == 1:
             record_event(S, R, j, EV_RESET, 0, 1)
     return GO_ON
 
