@@ -177,7 +177,7 @@ def settle_disc(P, S, R, W, j, arrives):
 
     It comes in the direction of slip in the components' multipliers (`arrives`), or from the lambda that stands there.
     """
-    d = P.dim[j]
+    d, may_touch = P.dim[j], arrives and W.meeting.blurred[j] > 0.0
     W.meeting.widest[j] = 0.0  # the next slip has its own scale
     for k in range(j + 1, j + 1 + d):
         W.instant.mult[k] = S.mult[k]
@@ -198,7 +198,7 @@ def settle_disc(P, S, R, W, j, arrives):
         if call_newton(P.newton_unit, P, S, W) == 0:
             return Outcome.NO_ROOT
         if S.mult[j] <= 1.0 + _BOUND:
-            if arrives and _only_touches(P, S, W, j):
+            if may_touch and _only_touches(P, S, W, j):
                 release(P, S, j)
                 _slip_on(S, R, W, j)
             else:
@@ -207,7 +207,7 @@ def settle_disc(P, S, R, W, j, arrives):
         release(P, S, j)
         if not _find_way_out(P, S, W, j):
             return Outcome.NO_ROOT
-        if arrives and _goes_on(P, S, W, j):
+        if may_touch and _goes_on(P, S, W, j):
             _slip_on(S, R, W, j)
         return GO_ON
     if not arrives and strict and push <= _SAME * slope:

@@ -298,6 +298,7 @@ def _begin(P, C, S, R, W, N):
     begin_interval(N)
     restart_flags(W)
     W.meeting.widest[:] = 0.0
+    W.meeting.blurred[:] = 0.0  # at rest by a step of the noise is no touch
     code = call_unit(P.instant_unit, P, C, S, R, W)
     if code == GO_ON:
         _sample(S, R, P)
