@@ -163,7 +163,7 @@ class Contensou(SpinningLaw):
             )
         if abs(self.tilt) > 1:
             raise ValueError(
-                f"`tilt` = {self.tilt!r} would pull behind or in front; give one between -1 and 1."
+                f"`tilt` = {self.tilt!r} would press less than nothing in front or behind; give one between -1 and 1."
             )
 
     def pieces(self, at, p):
