@@ -88,7 +88,7 @@ for tilt, colour in ((-1.0, "left"), (-0.5, "approximation"), (0.5, "right")):
     slow = -tilt * R * omega * v / (4 * mu * 9.81 * (1 + m * R**2 / (2 * inertia)))
     stones[tilt] = run["y"][-1], slow
     ax.plot(run["x"], run["y"], color=COLOUR[colour], label=f"tilt {tilt:+.1f}")
-    ax.plot(run["x"][-1], slow, "+", color=COLOUR["exact"])
+    ax.plot(run["x"][-1], slow, "+", color=COLOUR["exact"], label="slow spin" if tilt > 0 else None)
     print(f"tilt {tilt:+.1f}: {run['y'][-1]:+.4f} m aside, slow spin {slow:+.4f} m")
 ax.set(xlabel="along the sheet (m)", ylabel="aside (m)", title="a curling stone that turns to the left")
 ax.legend(fontsize=7)
