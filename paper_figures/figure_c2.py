@@ -37,7 +37,7 @@ LAWS = {
     "rigid": RigidImpact(e=0.75),
 }
 END = 1.5
-# First lift-off (s) and indentation there (m), by DOP853: tests/test_figure_references.py.
+# First lift-off (s) and indentation there (m), by DOP853: tests/figures/test_figure_references.py.
 LIFT_OFF = {"R1": (0.172406, 2.9429e-3), "Hunt-Crossley": (0.174956, 0.0)}
 
 
@@ -53,21 +53,21 @@ def claims(runs):
             LIFT_OFF["R1"][0],
             off,
             5e-7,
-            **computed("tests/test_figure_references.py"),
+            **computed("tests/figures/test_figure_references.py"),
         ),
         Claim.number(
             "R1: indentation there (m): not zero",
             LIFT_OFF["R1"][1],
             float(r1(off, "p")),
             5e-8,
-            **computed("tests/test_figure_references.py"),
+            **computed("tests/figures/test_figure_references.py"),
         ),
         Claim.number(
             "Hunt-Crossley: first lift-off (s)",
             LIFT_OFF["Hunt-Crossley"][0],
             off_hc,
             5e-7,
-            **computed("tests/test_figure_references.py"),
+            **computed("tests/figures/test_figure_references.py"),
         ),
         Claim.number(
             "Hunt-Crossley: indentation there (m)",

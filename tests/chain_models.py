@@ -83,3 +83,14 @@ def networks(n, degree=4, seed=0):
         cycle = r.permutation(n)
         table[cycle, k], table[cycle, k + 1] = np.roll(cycle, 1), np.roll(cycle, -1)
     return table + 1
+
+
+def train(n):
+    """Blocks on a belt, with hidden static friction: 1.09 times that of slip."""
+    blocks = Family(n)
+    x, v = blocks.symbols("x v")
+    V, k = sp.symbols("V k", positive=True)
+    lam = Switch("lam", v - V)
+    pull = blocks.neighbour(x, 1) - 2 * x + blocks.neighbour(x, -1)
+    system = System({x: v, v: -x + k * pull - lam * (1 + (1 - lam**2))}, parameters={V: 0.1, k: 2.0})
+    return system, {x: 0.5 * np.sin(np.arange(n) ** 2), v: 0.1}

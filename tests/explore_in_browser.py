@@ -636,7 +636,7 @@ def self_test(only: str) -> list[str]:
             path.write_text(text.replace(old, new), encoding="utf-8")
             if test.startswith("test_"):
                 command = [sys.executable, "-m", "pytest", "-q", "-x", "-o", "pythonpath=", "-p", "no:cacheprovider",
-                           str(ROOT / "tests" / "test_explore.py"), "-k", test]  # fmt: skip
+                           str(ROOT / "tests" / "explore" / "test_explore.py"), "-k", test]  # fmt: skip
             else:
                 command = [sys.executable, __file__, "--only", test]
             done = subprocess.run(command, env=environment, capture_output=True, text=True, cwd=folder)

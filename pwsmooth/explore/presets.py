@@ -1,6 +1,6 @@
 """States that are worth a look, each with its question, and views of a subject.
 
-Presets are data. Numbers of figures are those of `paper_figures`; tests/test_explore.py compares them.
+Presets are data. Numbers of figures are those of `paper_figures`; tests/explore/test_explore.py compares them.
 """
 
 from __future__ import annotations

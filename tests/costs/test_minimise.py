@@ -26,7 +26,7 @@ def block(u):
 
 @pytest.mark.parametrize("start", [-2.0, -1.0])
 def test_an_optimum_through_the_switching(start):
-    # tests/test_costs.py derives it.
+    # tests/costs/test_costs.py derives it.
     found = minimise(RELAY, STEER, (0, 2), {x: start}, ["x"], bounds={x: (-2, -1)}, **TIGHT)
     assert found.values["x"] == pytest.approx((18 - np.sqrt(1668)) / 16, abs=1e-10)
     assert found.success and found.evaluations <= 15

@@ -93,7 +93,7 @@ def test_an_event_of_time_beyond_all_floats_ends_a_run_and_not_python():
 
 @functools.cache
 def generator():
-    path = Path(__file__).parent / "fuzz" / "doors.py"
+    path = Path(__file__).parents[1] / "fuzz" / "doors.py"
     spec = importlib.util.spec_from_file_location("doors", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

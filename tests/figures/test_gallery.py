@@ -18,7 +18,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq, minimize_scalar
 from scipy.special import expit
 
-GALLERY = Path(__file__).resolve().parent.parent / "docs" / "gallery"
+GALLERY = Path(__file__).resolve().parents[2] / "docs" / "gallery"
 
 
 @functools.cache

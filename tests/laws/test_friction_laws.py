@@ -158,7 +158,7 @@ def test_every_law_drives_every_kind_of_scene(kind):
 
 @pytest.mark.thorough
 def test_the_page_on_laws_runs():
-    page = (pathlib.Path(__file__).parent.parent / "docs" / "laws.md").read_text(encoding="utf-8")
+    page = (pathlib.Path(__file__).parents[2] / "docs" / "laws.md").read_text(encoding="utf-8")
     blocks = re.findall(r"```{code-cell} python\n(?:---\n.*?\n---\n)?(.*?)```", page, flags=re.S)
     assert len(blocks) == 3
     matplotlib.use("Agg")

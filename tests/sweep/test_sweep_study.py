@@ -208,7 +208,7 @@ def test_views_are_named_in_the_study(study):
 
 
 def test_the_page_on_sweeps_runs_as_it_stands(tmp_path):
-    page = (Path(__file__).resolve().parent.parent / "docs" / "sweeps.md").read_text(encoding="utf-8")
+    page = (Path(__file__).resolve().parents[2] / "docs" / "sweeps.md").read_text(encoding="utf-8")
     code, circuit = re.findall(r"```{code-cell} python\n---\n.*?\n---\n(.*?)```", page, flags=re.DOTALL)
     data, text = re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)
     matplotlib.use("Agg")

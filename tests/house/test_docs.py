@@ -12,7 +12,7 @@ import pytest
 import pwsmooth
 from pwsmooth.claims import Claim
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 
 
@@ -161,7 +161,8 @@ def test_the_tests_that_hold_the_event_contract_are_there():
     named = re.findall(r"^- `(\w+\.py)::(\w+)`$", text, flags=re.MULTILINE)
     assert len(named) == text.count("\n- ") == text.count("::test_")
     for file in {file for file, _ in named}:
-        tree = ast.parse((ROOT / "tests" / file).read_text(encoding="utf-8"))
+        (path,) = (ROOT / "tests").rglob(file)
+        tree = ast.parse(path.read_text(encoding="utf-8"))
         there = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
         assert {name for where, name in named if where == file} <= there
     # Every statement has one.

@@ -67,7 +67,7 @@ def test_models_are_equal_hashable_and_written_alike_in_another_process():
         "sys.stdout.buffer.write(pickle.dumps([(s.model, repr(s.model)) for s in systems]))"
     )
     other = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, check=True, cwd=Path(__file__).parent
+        [sys.executable, "-c", code], capture_output=True, check=True, cwd=Path(__file__).parents[1]
     )
     here = [oscillator(), oscillator().layered({z: 2}), oscillator().smoothed(1e-3), gms()]
     for system, (model, written) in zip(here, pickle.loads(other.stdout), strict=True):

@@ -4,8 +4,7 @@ import threading
 
 import numpy as np
 import pytest
-from chain_models import BELT, belt, chain, start_of, with_templates
-from test_assemblies import train
+from chain_models import BELT, belt, chain, start_of, train, with_templates
 
 from pwsmooth import Event, Family, Outcome, Recorder, System, solve
 from pwsmooth.kernels.local.state import WITHOUT_PARTS

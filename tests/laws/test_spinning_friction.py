@@ -9,38 +9,14 @@ import functools
 import numpy as np
 import pytest
 import sympy as sp
+from reference.spinning import of_a_disc, of_a_ring
 from scipy.integrate import solve_ivp
-from scipy.special import ellipe, ellipk, ellipkm1
 
 from pwsmooth import System, solve
 from pwsmooth.laws.friction import Contensou, Coulomb, LimitEllipsoid, RollingResistance, TorsionalResistance
 from pwsmooth.laws.friction.spinning import factors
 
 x, y, turn, u, v, spin = sp.symbols("x y turn u v spin", real=True)
-
-
-def of_a_disc(ratio):
-    """|F|/F_c and M/(F_c R) at u = |v|/(R omega), by elliptic integrals."""
-    if ratio <= 1:
-        E, K = ellipe(ratio**2), ellipkm1((1 - ratio) * (1 + ratio))
-        rest = 0 if ratio == 1 else (1 - ratio**2) * K
-        return 4 * ((1 + ratio**2) * E - rest) / (3 * np.pi * ratio), 4 * ((4 - 2 * ratio**2) * E - rest) / (
-            9 * np.pi
-        )
-    m = ratio**-2
-    E, K = ellipe(m), ellipk(m)
-    return (
-        4 * ((1 + ratio**2) * E - (ratio**2 - 1) * K) / (3 * np.pi),
-        4 * ratio * ((4 - 2 * ratio**2) * E + (2 * ratio**2 - 5 + 3 * m) * K) / (9 * np.pi),
-    )
-
-
-def of_a_ring(ratio):
-    """The same of a thin ring."""
-    s = ratio + 1
-    J, K = s * ellipe(4 * ratio / s**2), ellipkm1(((ratio - 1) / s) ** 2) / s
-    rest = 0 if ratio == 1 else (ratio**2 - 1) * K
-    return (J + rest) / (np.pi * ratio), (J - rest) / np.pi
 
 
 @pytest.mark.parametrize(("shape", "exact", "error"), [("disc", of_a_disc, 2e-12), ("ring", of_a_ring, 3e-8)])

@@ -187,7 +187,7 @@ def test_the_pair_holds_its_surfaces_together():
 
 # ---- the kept data
 
-KEPT = Path(__file__).resolve().parent.parent / "experiments" / "results" / "stability.json"
+KEPT = Path(__file__).resolve().parents[2] / "experiments" / "results" / "stability.json"
 
 
 def test_the_kept_maps_are_those_of_the_present_hazards():

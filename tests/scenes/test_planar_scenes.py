@@ -173,7 +173,7 @@ def test_a_bearing_under_a_record_of_two_components_is_that_under_the_function_i
 
 def pads_bound(arm, pad):
     """Force of the grip at which a bar begins to slip, by the exact integrals: M = F arm on the limit surface."""
-    from test_spinning_friction import of_a_disc
+    from reference.spinning import of_a_disc
 
     ratio = brentq(lambda s: of_a_disc(s)[1] * pad.R - of_a_disc(s)[0] * arm, 1e-3, 50)
     return 9.81 / (pad.F_c * of_a_disc(ratio)[0])

@@ -31,6 +31,7 @@ from pwsmooth.sweep.contract import Variable
 from pwsmooth.sweep.identity import UNKNOWN, digest
 
 START = {"y": 0.5, "v": 0.3}
+HERE = [str(folder) for folder in Path(__file__).parents[:2]]  # what another process imports from
 LONG = 6000  # periods of a transient that makes a chunk take some 50 ms: time to be killed in
 AXES = {"k": np.linspace(1.5, 5, 12), "sigma": np.linspace(0.6, 3, 10)}
 
@@ -52,9 +53,7 @@ def same_bits(one, other):
 def test_killed_at_random_moments_it_resumes_with_the_same_bits(tmp_path):
     """SIGKILL, again and again at random moments of its working, until a run comes to its end."""
     store = tmp_path / "sweep.zarr"
-    script = (
-        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import test_sweep_store as here; "
-    )
+    script = f"import sys; sys.path[:0] = {HERE!r}; import test_sweep_store as here; "
     command = [sys.executable, "-c", script + f"here.run({str(store)!r}, transient={LONG})"]
     moments, kills, cut_off = random.Random(7), 0, 0
     for attempt in range(5):
@@ -258,7 +257,7 @@ def test_what_measures_is_known_to_the_last_bit(monkeypatch):
 
 def test_what_measures_is_known_in_another_process():
     program = (
-        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); "
+        f"import sys; sys.path[:0] = {HERE!r}; "
         "import test_sweep_store as t; "
         "print([t.digest(m) for m in "
         "(t.functools.partial(t.counted, n=2), t.more, t.Last(1.5), t.np.sin, t.coulomb())])"

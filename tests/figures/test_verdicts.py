@@ -7,7 +7,7 @@ import pytest
 
 from tests import verdicts
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = [*sorted((ROOT / "paper_figures").glob("figure_*.py")), *sorted((ROOT / "experiments").glob("*.py"))]
 
 

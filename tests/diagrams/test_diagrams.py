@@ -267,7 +267,7 @@ def test_a_damaged_item_is_computed_again(tmp_path):
 
 KILLED = """
 import sys
-sys.path.insert(0, {tests!r})
+sys.path[:0] = {paths!r}
 from test_diagrams import HENON, HENONS, a, b, bifurcation_set
 if __name__ == "__main__":
     bifurcation_set(HENON, (a, b), **HENONS, lines={{b: [-0.3, 0.1, 0.3]}}, store={store!r})
@@ -278,8 +278,10 @@ if __name__ == "__main__":
 def test_killed_again_and_again_it_ends_as_undisturbed(tmp_path, henon):
     """SIGKILL whenever one more item has come into the store, and at last a run to the end."""
     store, script = tmp_path / "henon.zarr", tmp_path / "killed.py"
-    script.write_text(KILLED.format(tests=str(Path(__file__).parent), store=str(store)))
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
+    script.write_text(
+        KILLED.format(paths=[str(folder) for folder in Path(__file__).parents[:3]], store=str(store))
+    )
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
     kills = 0
     for _ in range(20):
         before = len(list((store / "items").glob("[0-9a-f]*"))) if store.exists() else 0

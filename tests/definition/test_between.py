@@ -1,7 +1,7 @@
 """Elements that touch: contacts with a floor and between neighbours, springs with a gap, bonds that break.
 
 Answers in closed form: hard rods that pass their speeds on, a blow through a row of balls, a pile at rest. Beside
-elements that are written out: tests/test_family_template.py; random ones: tests/fuzz/links.py.
+elements that are written out: tests/definition/test_family_template.py; random ones: tests/fuzz/links.py.
 """
 
 import numpy as np

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import sympy as sp
 import zarr
+from chain_models import train
 from family_models import template_from
 
 from pwsmooth import Event, Family, Outcome, Recorder, Switch, System, solve, sweep
@@ -85,17 +86,6 @@ def test_kicks_at_given_times_are_those_of_the_elements_written_out(own):
     alike(kicked, own)
 
 
-def train(n):
-    """Blocks on a belt, with hidden static friction: 1.09 times that of slip."""
-    blocks = Family(n)
-    x, v = blocks.symbols("x v")
-    V, k = sp.symbols("V k", positive=True)
-    lam = Switch("lam", v - V)
-    pull = blocks.neighbour(x, 1) - 2 * x + blocks.neighbour(x, -1)
-    system = System({x: v, v: -x + k * pull - lam * (1 + (1 - lam**2))}, parameters={V: 0.1, k: 2.0})
-    return system, {x: 0.5 * np.sin(np.arange(n) ** 2), v: 0.1}
-
-
 def test_what_is_kept_of_some_elements_is_what_a_run_that_keeps_all_has(tmp_path):
     system, start = train(120)
     asked = np.linspace(0, 20, 21)
@@ -147,7 +137,7 @@ import numpy as np
 from pwsmooth import Recorder, solve
 from pwsmooth.paths import local
 from pwsmooth.sweep import Function
-from test_assemblies import train
+from chain_models import train
 local.SLICE = 200  # elements renewed between two looks
 print("begins" if not Path(sys.argv[1] + ".run").exists() else "goes on")
 system, start = train(400)
@@ -160,7 +150,7 @@ print(run.outcome.name, len(run.events), hashlib.sha256(b"".join(a.tobytes() for
 
 def test_a_run_that_was_killed_goes_on_with_the_same_bits(tmp_path):
     def begun(name):
-        tests = str(Path(__file__).parent)
+        tests = str(Path(__file__).parents[1])
         return subprocess.Popen(
             [sys.executable, "-c", RUN, str(tmp_path / name)], stdout=subprocess.PIPE, text=True,
             env=os.environ | {"PYTHONPATH": os.pathsep.join([tests, str(Path(tests).parent)])},
