@@ -37,17 +37,17 @@ SYMBOLS = re.compile(r"(?<![\w`])(1/)?(N|kg|Pa|J|W|Hz|rad|mm|um|m|s)(\^\d|/\w+(\
 LITERATURE = tuple(
     f"pwsmooth.{module}."
     for module in (
-        "analysis.bifurcations",
-        "analysis.capture",
-        "analysis.curves",
-        "analysis.equilibria",
-        "analysis.equilibrium",
-        "analysis.equilibrium_branch",
-        "analysis.hopf",
+        "analysis.continuation.bifurcations",
+        "analysis.sticking.capture",
+        "analysis.continuation.two_parameters",
+        "analysis.equilibria.finding",
+        "analysis.equilibria.equilibrium",
+        "analysis.continuation.equilibria.branch",
+        "analysis.continuation.equilibria.hopf",
         "analysis.lyapunov",
-        "analysis.manifolds",
-        "analysis.portraits",
-        "analysis.sticking",
+        "analysis.global_objects.manifolds",
+        "analysis.global_objects.portraits",
+        "analysis.sticking.regions",
         "definition.sigmoids",
         "laws.contact",
         "laws.friction",
@@ -187,7 +187,8 @@ def _source(name: str, value: Any) -> Iterator[str]:
     doc = get_doc_object(value, config={"show_class_members": False})
     notes = re.split(r"\n\s*\n", "\n".join(doc["Notes"]))
     sources = [text for text in notes if re.match(r"Sources?: \S", text)]
-    if name.startswith(LITERATURE) and not sources:
+    home = f"{getattr(value, '__module__', '')}."
+    if home.startswith(LITERATURE) and not sources:
         yield "no source: it computes what is in the literature; Notes need a paragraph `Source: ...`"
     others = [
         " ".join([*doc["Summary"], *doc["Extended Summary"]]),

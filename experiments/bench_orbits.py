@@ -25,7 +25,7 @@ import sympy as sp
 from benchtools import provenance, write_json
 
 from pwsmooth import Switch, System, find_orbit, follow, lyapunov_exponents, solve
-from pwsmooth.analysis.variations import variations
+from pwsmooth.analysis.maps import variations
 
 PERIOD, LONG = 2 * math.pi, 350.0
 TIGHT = dict(rtol=1e-12, atol=1e-14)  # as the Poincare maps are solved

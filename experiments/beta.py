@@ -31,7 +31,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 from friction_oscillator import hidden, omega, z
 
 from pwsmooth import solve, sweep
-from pwsmooth.analysis.capture import capture_threshold
+from pwsmooth.analysis.sticking import capture_threshold
 from pwsmooth.plotting import COLOUR, new_figure
 from pwsmooth.sweep import Function, Points
 

@@ -54,8 +54,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 from friction_oscillator import hidden, omega, v, y, z
 
 from pwsmooth import bifurcation_set, follow, sweep
+from pwsmooth.analysis.maps import Stroboscopic
 from pwsmooth.analysis.orbits import refine
-from pwsmooth.analysis.sections import Stroboscopic
 from pwsmooth.diagrams.growing import Grown
 from pwsmooth.plotting import new_figure
 from pwsmooth.sweep import Period, Points

@@ -38,10 +38,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 from friction_oscillator import hidden, v, y, z
 
 from pwsmooth import find_orbit, follow, follow_curve, sweep
-from pwsmooth.analysis.capture import critical_ratio
 from pwsmooth.analysis.continuation import branch_off
+from pwsmooth.analysis.maps import Stroboscopic
 from pwsmooth.analysis.orbits import refine
-from pwsmooth.analysis.sections import Stroboscopic
+from pwsmooth.analysis.sticking import critical_ratio
 from pwsmooth.plotting import new_figure
 from pwsmooth.sweep import Period, Points
 

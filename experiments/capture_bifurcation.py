@@ -46,7 +46,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 from friction_oscillator import beta, coulomb, hidden, lam, omega, sigma, t, v, y, z
 
 from pwsmooth import System, find_orbit, follow, follow_curve, solve, sweep
-from pwsmooth.analysis.capture import capture_threshold, critical_ratio
+from pwsmooth.analysis.sticking import capture_threshold, critical_ratio
 from pwsmooth.plotting import COLOUR, new_figure
 from pwsmooth.sweep import Function
 

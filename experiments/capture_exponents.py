@@ -18,7 +18,7 @@ w_s/u_s: of order (rho - 1/2)^((m+1)/m).
 
 Method: six sigmoids. Student's distribution with m = 1 to 4 degrees of freedom is analytic and has the tail u^-m:
 the arctangent, the algebraic sigmoid, and two more, given as expressions. F_c and r* are the package's (a
-separatrix, pwsmooth.analysis.capture). Checks of their own: bisection on plain trajectories of the layer (SciPy),
+separatrix, pwsmooth.analysis.sticking). Checks of their own: bisection on plain trajectories of the layer (SciPy),
 bisection on runs of the event-driven solver with the same sigmoid (r >= 0.01: at 1e-4 and F just above N the solver
 says that its layer has not settled), and D* by bisection on the equations without r above.
 
@@ -48,7 +48,7 @@ from studytools import Claim, Study, claim, command, parts
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from pwsmooth import Switch, System, solve
-from pwsmooth.analysis.capture import capture_threshold, critical_ratio
+from pwsmooth.analysis.sticking import capture_threshold, critical_ratio
 from pwsmooth.plotting import COLOUR, new_figure
 
 u = sp.Symbol("u", real=True)

@@ -2,7 +2,7 @@
 
     u' = F - L(u)(1 + rho z),   z' = r (G(u) - z),   r = eps/beta        the layer, from u = -inf, z = 0
 
-Part 1: the capture threshold F_c(r) as a separatrix (pwsmooth.analysis.capture) and, independently, by bisection on
+Part 1: the capture threshold F_c(r) as a separatrix (pwsmooth.analysis.sticking) and, independently, by bisection on
 trajectories of the layer with SciPy's LSODA; the ratio r* at which it reaches mu_s; its law for small r.
 Part 2: the attractors of the smoothed oscillator over (eps, beta), from a start near each kind of orbit, and
 from the orbits at the neighbouring beta.
@@ -31,9 +31,9 @@ from studytools import Claim, Study, claim, command
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from paper_figures import oscillator as osc
-from pwsmooth.analysis.capture import capture_threshold, critical_ratio
+from pwsmooth.analysis.maps import Stroboscopic
 from pwsmooth.analysis.orbits import refine
-from pwsmooth.analysis.sections import Stroboscopic
+from pwsmooth.analysis.sticking import capture_threshold, critical_ratio
 from pwsmooth.plotting import COLOUR, new_figure
 
 SIGMOIDS = ("algebraic", "tanh", "erf")

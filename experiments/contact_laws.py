@@ -58,7 +58,7 @@ from studytools import Study, claim, command, part, parts
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from paper_figures.contact import COLOUR
-from pwsmooth.analysis.variations import variations
+from pwsmooth.analysis.maps import variations
 from pwsmooth.laws.contact import (
     BaiImpact,
     HertzImpact,

@@ -51,7 +51,7 @@ from studytools import Claim, Study, claim, command, parts
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from pwsmooth import Diffusion, Event, Kicks, System, ensemble
-from pwsmooth.analysis.capture import capture_threshold
+from pwsmooth.analysis.sticking import capture_threshold
 from pwsmooth.plotting import COLOUR, new_figure
 
 LONGEST = 4000.0  # time of a trajectory

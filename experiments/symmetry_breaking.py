@@ -25,8 +25,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from paper_figures import oscillator as osc
 from pwsmooth.analysis.continuation import branch_off, follow
+from pwsmooth.analysis.maps import Stroboscopic
 from pwsmooth.analysis.orbits import find_orbit
-from pwsmooth.analysis.sections import Stroboscopic
 from pwsmooth.plotting import COLOUR, new_figure
 
 MIRROR = {osc.y: -osc.y, osc.v: -osc.v}

@@ -30,8 +30,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from paper_figures import oscillator as osc
 from pwsmooth import Switch, System, solve
 from pwsmooth.analysis.lyapunov import lyapunov_exponents
+from pwsmooth.analysis.maps import Stroboscopic
 from pwsmooth.analysis.orbits import find_orbit, refine
-from pwsmooth.analysis.sections import Stroboscopic
 from pwsmooth.plotting import COLOUR, new_figure
 from pwsmooth.sweep.basins import orbit_diagram
 

@@ -28,7 +28,7 @@ from ..paths.tangents import Tape
 from ..results.records import Outcome
 from ..results.solution import Solution
 from ..solve import solve, taped_run
-from .variations import factors, has_series, without_derivative
+from .maps.variations import factors, has_series, without_derivative
 
 __all__ = ["LyapunovExponents", "largest_exponent", "lyapunov_exponents"]
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.curves import FOLLOWED, follow_curve
-from ..analysis.sections import Section, Stroboscopic
+from ..analysis.continuation.two_parameters import FOLLOWED, follow_curve
+from ..analysis.maps.sections import Section, Stroboscopic
 from .plain import Setting, aligned, distance, made_bifurcation, points_of
 
 KINDS = FOLLOWED

@@ -14,11 +14,11 @@ from typing import Any, cast
 
 import numpy as np
 
-from ..analysis.equilibria import equilibria
-from ..analysis.equilibrium import Equilibrium
-from ..analysis.periodic_orbit import PeriodicOrbit
-from ..analysis.sections import Stroboscopic, poincare_map
-from ..analysis.symmetry import symmetry_matrix
+from ..analysis.equilibria.equilibrium import Equilibrium
+from ..analysis.equilibria.finding import equilibria
+from ..analysis.maps.sections import Stroboscopic, poincare_map
+from ..analysis.maps.symmetry import symmetry_matrix
+from ..analysis.orbits.periodic_orbit import PeriodicOrbit
 from ..definition import checks
 from ..results.records import Outcome
 from ..sweep import Period, Points, sweep

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from typing import Any
 
-from ..analysis.sections import LONGEST
+from ..analysis.maps.sections import LONGEST
 from ..definition import checks
 from .looking import DOOR, SWEEPS, Starts, looking
 from .plain import values_of

@@ -19,16 +19,16 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..analysis.bifurcations import Bifurcation
-from ..analysis.equilibria import find_equilibrium
-from ..analysis.equilibrium import Equilibrium
-from ..analysis.equilibrium_branch import EquilibriumBifurcation
-from ..analysis.fixed_points import orbit_of, relative
-from ..analysis.itineraries import Change, Letter
-from ..analysis.orbits import refine
-from ..analysis.periodic_orbit import PeriodicOrbit
-from ..analysis.sections import Section, Stroboscopic
-from ..analysis.segments import Shooting
+from ..analysis.continuation.bifurcations import Bifurcation
+from ..analysis.continuation.equilibria.branch import EquilibriumBifurcation
+from ..analysis.equilibria.equilibrium import Equilibrium
+from ..analysis.equilibria.finding import find_equilibrium
+from ..analysis.maps.sections import Section, Stroboscopic
+from ..analysis.maps.segments import Shooting
+from ..analysis.orbits.finding import refine
+from ..analysis.orbits.fixed_points import orbit_of, relative
+from ..analysis.orbits.itineraries import Change, Letter
+from ..analysis.orbits.periodic_orbit import PeriodicOrbit
 from ..definition import checks
 
 SHRUNK = "continued"

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.orbits import refine
-from ..analysis.sections import Stroboscopic
+from ..analysis.maps.sections import Stroboscopic
+from ..analysis.orbits.finding import refine
 from ..results.records import Outcome
 from ..sweep.plan import NO_RETURN
 from .line import Line, same_points

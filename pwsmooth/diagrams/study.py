@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from ..analysis.sections import LONGEST
+from ..analysis.maps.sections import LONGEST
 from ..codegen.machine.workers import cores
 from ..definition import checks
 from ..sweep.study import Names, StudyError, SystemTable, Table, Values, read_study, system_of, values_of

@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..analysis.arclength import Walk, value_of
-from ..analysis.continuation import Branch, branch_off, follow, followed
-from ..analysis.equilibrium import Equilibrium
-from ..analysis.equilibrium_branch import EquilibriumBifurcation, EquilibriumBranch
-from ..analysis.hopf import cycle_from
+from ..analysis.continuation.arclength import Walk, value_of
+from ..analysis.continuation.branches import Branch, branch_off, follow, followed
+from ..analysis.continuation.equilibria.branch import EquilibriumBifurcation, EquilibriumBranch
+from ..analysis.continuation.equilibria.hopf import cycle_from
+from ..analysis.equilibria.equilibrium import Equilibrium
 from ..paths.budget import Budget, within
 from .plain import (
     Setting,

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.sections import LONGEST
+from ..analysis.maps.sections import LONGEST
 from ..definition import checks
 from .growing import KINDS, Grown, grown
 from .looking import DOOR, SWEEPS, Starts, looking

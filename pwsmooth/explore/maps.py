@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from ..analysis.sections import LONGEST, poincare_map
+from ..analysis.maps.sections import LONGEST, poincare_map
 from ..codegen.machine.workers import cores
 from ..definition import checks
 from ..noise.diffusion import Diffusion

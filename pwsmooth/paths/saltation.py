@@ -69,7 +69,7 @@ class Saltation:
 
     >>> import sympy as sp
     >>> from pwsmooth import System, solve
-    >>> from pwsmooth.analysis.variations import variations
+    >>> from pwsmooth.analysis.maps import variations
     >>> x = sp.Symbol("x", real=True)
     >>> run = solve(System({x: 1 + sp.Heaviside(x - 1)}), (0, 2), {x: 0}, dense_output=True)
     >>> (crossing,) = variations(run).saltations

@@ -16,7 +16,7 @@ import math
 import time
 from typing import TYPE_CHECKING, Any
 
-from ..analysis.sections import LONGEST
+from ..analysis.maps.sections import LONGEST
 from .contract import Measure, Window
 from .measures import (
     Amplitude,

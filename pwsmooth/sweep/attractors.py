@@ -9,7 +9,7 @@ has to show: with d its distance from the orbit on the section, D the derivative
 
 it has to fall by half of that at least at every step of a window (Lyapunov's function of the orbit, Stein's equation).
 
-Chain: sweep, analysis/orbits.py -> **attractors** -> basins.py.
+Chain: sweep, analysis/orbits/finding.py -> **attractors** -> basins.py.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.orbits import refine
-from ..analysis.periodic_orbit import PeriodicOrbit
-from ..analysis.sections import Section
+from ..analysis.maps.sections import Section
+from ..analysis.orbits.finding import refine
+from ..analysis.orbits.periodic_orbit import PeriodicOrbit
 from ..results.records import Outcome
 from .plan import NO_RETURN, why_not
 

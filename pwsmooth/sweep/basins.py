@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from ..analysis.lyapunov import lyapunov_exponents
-from ..analysis.periodic_orbit import PeriodicOrbit
-from ..analysis.sections import LONGEST, poincare_map
+from ..analysis.maps.sections import LONGEST, poincare_map
+from ..analysis.orbits.periodic_orbit import PeriodicOrbit
 from ..definition import checks
 from ..definition.describe import Described, Rows, number
 from ..paths.budget import whole

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.poincare import RETURN
+from ..analysis.maps.poincare import RETURN
 from ..definition import checks
 from .contract import Measure, integer, real
 from .functions import Cost, Function, Lyapunov

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..analysis.poincare import RETURN
-from ..analysis.sections import LONGEST, section_of, watching
+from ..analysis.maps.poincare import RETURN
+from ..analysis.maps.sections import LONGEST, section_of, watching
 from ..definition import checks
 from ..definition.lambdified import numpy_function
 from ..definition.model import EventSpec

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.poincare import RETURN
+from ..analysis.maps.poincare import RETURN
 from ..results.records import Outcome
 from .contract import Window
 from .plan import Plan

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..analysis.sections import LONGEST
+from ..analysis.maps.sections import LONGEST
 from ..definition import checks
 from ..paths.budget import Stop
 from ..paths.interrupts import noted, result

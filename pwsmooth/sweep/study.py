@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
-from ..analysis.sections import LONGEST
+from ..analysis.maps.sections import LONGEST
 from ..definition import checks
 
 _HELPERS = ("assemble", "chain_of_blocks", "grazing_amplitude")  # functions among the scenes that make none

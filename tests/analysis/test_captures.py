@@ -7,10 +7,10 @@ from friction_oscillator import coulomb, hidden, omega, sigma, v, y, z
 from scipy.optimize import brentq
 
 from pwsmooth import Event, Switch, System, find_orbit, follow, follow_curve, solve
-from pwsmooth.analysis.capture import capture_threshold, critical_ratio
-from pwsmooth.analysis.captures import clearances
-from pwsmooth.analysis.holding import strength_of
-from pwsmooth.analysis.separatrix import frozen
+from pwsmooth.analysis.continuation.conditions.captures import clearances
+from pwsmooth.analysis.maps.holding import strength_of
+from pwsmooth.analysis.sticking.capture import capture_threshold, critical_ratio
+from pwsmooth.analysis.sticking.separatrix import frozen
 
 RANGES = {"ratio_z": (1e-3, 2), "sigma": (0.5, 6)}
 RATIO = 0.3

@@ -9,11 +9,11 @@ from friction_oscillator import coulomb, hidden, v, y, z
 from friction_oscillator import omega as FREQUENCY
 
 from pwsmooth import Event, System
-from pwsmooth.analysis.arclength import only_way
-from pwsmooth.analysis.continuation import branch_off, follow
-from pwsmooth.analysis.fixed_points import TOLERANCE
-from pwsmooth.analysis.orbits import find_orbit, refine
-from pwsmooth.analysis.sections import Section, Stroboscopic
+from pwsmooth.analysis.continuation.arclength import only_way
+from pwsmooth.analysis.continuation.branches import branch_off, follow
+from pwsmooth.analysis.maps.sections import Section, Stroboscopic
+from pwsmooth.analysis.orbits.finding import find_orbit, refine
+from pwsmooth.analysis.orbits.fixed_points import TOLERANCE
 
 t, x, u = sp.symbols("t x u", real=True)
 a, b = sp.symbols("a b", real=True)

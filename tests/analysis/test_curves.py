@@ -10,8 +10,8 @@ from scipy.optimize import brentq
 from test_continuation import a, b, t, u, x
 
 from pwsmooth import Event, System, Unilateral, find_orbit, follow, follow_curve, solve
-from pwsmooth.analysis import curve_ways
-from pwsmooth.analysis.orbits import refine
+from pwsmooth.analysis.continuation.curves import ways as curve_ways
+from pwsmooth.analysis.orbits.finding import refine
 
 # Orbits are known to 1e-11 and multipliers to some digits less; the issue asks for this.
 ON_CURVE = 1e-9

@@ -174,7 +174,7 @@ def test_asymmetric_orbits_of_the_friction_oscillator_fold_from_a_degenerate_sym
 
 def only_asymmetric(orbit, value):
     """The asymmetric orbit beside a fold, on the side on which there is one."""
-    from pwsmooth.analysis.orbits import refine
+    from pwsmooth.analysis.orbits.finding import refine
 
     for off in (1e-3, -1e-3):
         found = refine(orbit.map.with_parameters({"sigma": value + off}), orbit.x)

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
 from pwsmooth import Event, Switch, System, Unilateral, equilibria, find_equilibrium, find_orbit, follow
-from pwsmooth.analysis.hopf import cycle_from
+from pwsmooth.analysis.continuation.equilibria.hopf import cycle_from
 
 x, y, v, z = sp.symbols("x y v z", real=True)
 a, F = sp.symbols("a F", real=True)

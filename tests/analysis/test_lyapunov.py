@@ -10,7 +10,7 @@ from friction_oscillator import coulomb, hidden, v, y, z
 
 from pwsmooth import Event, Memory, System, Unilateral, follow, orbit_diagram, solve
 from pwsmooth.analysis.lyapunov import largest_exponent, lyapunov_exponents
-from pwsmooth.analysis.orbits import find_orbit
+from pwsmooth.analysis.orbits.finding import find_orbit
 
 PERIOD = 2 * math.pi
 t, x, u, w = sp.symbols("t x u w", real=True)

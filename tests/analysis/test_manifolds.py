@@ -5,7 +5,7 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Event, Switch, System, Unilateral, basins, find_equilibrium, find_orbit, follow, manifold
-from pwsmooth.analysis.arms import SMALLEST
+from pwsmooth.analysis.global_objects.arms import SMALLEST
 
 t, x, y, v, z = sp.symbols("t x y v z", real=True)
 A, w = sp.symbols("A w", positive=True)

@@ -8,8 +8,8 @@ import sympy as sp
 from friction_oscillator import coulomb, hidden, k, sigma, v, y, z
 
 from pwsmooth import Switch, System
-from pwsmooth.analysis.orbits import find_orbit, refine
-from pwsmooth.analysis.sections import Section, Stroboscopic
+from pwsmooth.analysis.maps.sections import Section, Stroboscopic
+from pwsmooth.analysis.orbits.finding import find_orbit, refine
 
 T = 2 * sp.pi
 MIRROR = {y: -y, v: -v}

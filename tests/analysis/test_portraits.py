@@ -5,7 +5,7 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Switch, System, Unilateral, sliding_portrait
-from pwsmooth.analysis.portrait import REGIONS
+from pwsmooth.analysis.global_objects.portrait import REGIONS
 
 t, x, y, z, v = sp.symbols("t x y z v", real=True)
 lam = Switch("lam", z)

@@ -9,11 +9,11 @@ import sympy as sp
 from friction_oscillator import coulomb, hidden, v, y, z
 
 from pwsmooth import Event, System, Unilateral
-from pwsmooth.analysis.continuation import branch_off, follow
-from pwsmooth.analysis.fixed_points import TOLERANCE
-from pwsmooth.analysis.multipliers import cyclic_multipliers, within_roundings
-from pwsmooth.analysis.orbits import find_orbit
-from pwsmooth.analysis.segments import Shooting, cut
+from pwsmooth.analysis.continuation.branches import branch_off, follow
+from pwsmooth.analysis.maps.multipliers import cyclic_multipliers, within_roundings
+from pwsmooth.analysis.maps.segments import Shooting, cut
+from pwsmooth.analysis.orbits.finding import find_orbit
+from pwsmooth.analysis.orbits.fixed_points import TOLERANCE
 from tests.fuzz import orbits as planted
 from tests.fuzz.judging import WRONG
 from tests.reference.rest import rest_limit

@@ -10,7 +10,7 @@ import sympy as sp
 from scipy.integrate import solve_ivp
 from scipy.special import erf
 
-from pwsmooth.analysis.sticking import (
+from pwsmooth.analysis.sticking.regions import (
     capture_threshold,
     critical_ratio,
     fold,
@@ -202,9 +202,9 @@ def test_an_unknown_sigmoid_is_refused_with_the_known_ones():
         critical_ratio(0.4)
 
 
-@pytest.mark.parametrize("module", ["sticking", "capture"])
+@pytest.mark.parametrize("module", ["regions", "capture"])
 def test_the_examples_of_the_docstrings_run(module):
-    result = doctest.testmod(importlib.import_module(f"pwsmooth.analysis.{module}"))
+    result = doctest.testmod(importlib.import_module(f"pwsmooth.analysis.sticking.{module}"))
     assert result.attempted and not result.failed
 
 

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from sympy.physics import mechanics as me
 
 from pwsmooth import System, Unilateral, solve
-from pwsmooth.analysis.recutting import longest_slip
+from pwsmooth.analysis.orbits.recutting import longest_slip
 from pwsmooth.laws.friction import Coulomb, Dahl, LuGre
 
 TIGHT = {"rtol": 1e-11, "atol": 1e-13}

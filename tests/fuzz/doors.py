@@ -36,7 +36,8 @@ import public_names
 
 import pwsmooth
 from pwsmooth import Diffusion, Event, Family, Kicks, Switch, System, costs, scenes, solve
-from pwsmooth.analysis import sections, sticking
+from pwsmooth.analysis.maps import sections
+from pwsmooth.analysis.sticking import regions as sticking
 from pwsmooth.derivatives import NoDerivative
 from pwsmooth.explore import opening
 from pwsmooth.fit import Record, fit
@@ -61,7 +62,7 @@ NO_DOORS = (
 INSIDE = {
     "pwsmooth.diagrams.BifurcationSet", "pwsmooth.diagrams.Diagram", "pwsmooth.diagrams.Found",
     "pwsmooth.diagrams.Meeting",
-    "pwsmooth.Solution", "pwsmooth.analysis.bifurcations.bifurcations_between", "pwsmooth.results.records.EventLog",
+    "pwsmooth.Solution", "pwsmooth.analysis.continuation.bifurcations_between", "pwsmooth.results.records.EventLog",
     "pwsmooth.fit.Combination", "pwsmooth.fit.Comparison", "pwsmooth.fit.Fit", "pwsmooth.fit.Identifiability",
     "pwsmooth.fit.Iteration", "pwsmooth.fit.Profile", "pwsmooth.costs.Evaluation", "pwsmooth.costs.Gradient",
     "pwsmooth.costs.Minimum", "pwsmooth.costs.Quantity",

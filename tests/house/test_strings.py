@@ -13,9 +13,9 @@ from typer.testing import CliRunner
 import pwsmooth
 import pwsmooth.definition.checks
 from pwsmooth import Algebraic, Diffusion, Event, Family, Kicks, Memory, Switch, System, Unilateral, scenes
-from pwsmooth.analysis import sticking
-from pwsmooth.analysis.sections import Section, Stroboscopic
-from pwsmooth.analysis.symmetry import symmetry_matrix
+from pwsmooth.analysis.maps.sections import Section, Stroboscopic
+from pwsmooth.analysis.maps.symmetry import symmetry_matrix
+from pwsmooth.analysis.sticking import regions as sticking
 from pwsmooth.cli import app
 from pwsmooth.definition import formula
 from pwsmooth.definition.sigmoids import sigmoid

@@ -22,7 +22,7 @@ from pwsmooth import (
     solve,
     sweep,
 )
-from pwsmooth.analysis.sections import Section, Stroboscopic
+from pwsmooth.analysis.maps.sections import Section, Stroboscopic
 from pwsmooth.paths import budget  # fmt: skip
 
 t, x, v, k = sp.symbols("t x v k", real=True)

@@ -10,7 +10,7 @@ from reference.coulomb_oscillator import KIND_NAMES, ensemble, solve_closed_form
 from reference.relaxing import relaxing_orbit, segments_of
 
 from pwsmooth import solve
-from pwsmooth.analysis.capture import capture_threshold
+from pwsmooth.analysis.sticking.capture import capture_threshold
 
 TWO_PI = 2 * math.pi
 TIGHT = dict(rtol=1e-12, atol=1e-14)

@@ -12,7 +12,7 @@ import sympy as sp
 from scipy.optimize import brentq
 
 from pwsmooth import System, Unilateral, find_orbit, follow, follow_curve
-from pwsmooth.analysis.chatter import fixed
+from pwsmooth.analysis.continuation.conditions.chatter import fixed
 
 t, x, v = sp.symbols("t x v", real=True)
 G, e = sp.symbols("Gamma e", positive=True)

@@ -8,7 +8,7 @@ import sympy as sp
 from scipy.integrate import solve_ivp
 
 from pwsmooth import Event, Outcome, System, basins, find_orbit, orbit_diagram, sweep
-from pwsmooth.analysis.poincare import RETURN
+from pwsmooth.analysis.maps.poincare import RETURN
 from pwsmooth.sweep import Function
 from pwsmooth.sweep.basins import UNSETTLED
 from pwsmooth.sweep.chunk import run_chunk, solve_point

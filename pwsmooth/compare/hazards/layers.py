@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ...analysis.capture import capture_threshold
+from ...analysis.sticking.capture import capture_threshold
 from ...definition.primitives import Switch
 from ...noise.kicks import Kicks
 from ...solve import solve

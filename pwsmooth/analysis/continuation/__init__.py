@@ -1,0 +1,22 @@
+"""Branches of orbits and equilibria over one parameter, their bifurcations, and curves of these over two."""
+
+from ... import on_first_use
+
+_HOME = {
+    "Bifurcation": "branches",
+    "Branch": "branches",
+    "Codimension2": "two_parameters",
+    "Curve": "two_parameters",
+    "EquilibriumBifurcation": "equilibria.branch",
+    "EquilibriumBranch": "equilibria.branch",
+    "EquilibriumCurve": "equilibria.curves",
+    "bifurcations_between": "bifurcations",
+    "branch_off": "branches",
+    "cycle_from": "equilibria.hopf",
+    "follow": "branches",
+    "follow_curve": "two_parameters",
+}
+
+__all__ = [*_HOME]
+
+__getattr__, __dir__ = on_first_use(__name__, _HOME)

@@ -1,0 +1,360 @@
+"""Bifurcations between two points of a branch of periodic orbits: located and named.
+
+Fold, flip, symmetry breaking, branch point and torus are zeros of test functions between points of one itinerary:
+tau_q, det(DP + 1), the same for the half-period map, det(DP - 1), and the product of mu_i mu_j - 1. A change of
+itinerary is enclosed by bisection; itineraries.py says what it is, jumps.py where the map jumps.
+
+Chain: arclength.py, itineraries.py, jumps.py -> **bifurcations** -> continuation.py.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ..orbits.finding import refined_to
+from ..orbits.itineraries import JUMP, Change, change_between, same_itinerary
+from ..orbits.periodic_orbit import PeriodicOrbit
+from ..orbits.repetition import SAME
+from .arclength import Point, Walk
+from .bracketing import zero_between
+from .conditions.captures import CAPTURE
+from .conditions.conditions import factors, on_circle, pairs
+from .jumps import ADDING, jump_between
+
+__all__ = ["Bifurcation", "bifurcations_between"]
+
+P = TypeVar("P", bound=Point)
+
+_BRACKET = 1e-12  # of the arc, in which a change of itinerary is enclosed
+_HALVINGS = 30  # of a step, in which a change of stability is enclosed that no test sees
+_ON_CIRCLE = 1e-7  # from 1: multipliers that may lie on either side
+_NEAR = 0.1  # to the unit circle: a multiplier that may be 1 or -1 but for roundings
+# Of the arc, to either side of a change: there its events stand apart and can be named. What begins with the square
+# root of the distance, as a slip at the end of a stick does, comes together only nearer; at a jump nothing does.
+_APART = (1e-6, 1e-8, 1e-10)
+
+
+@dataclass(frozen=True)
+class Bifurcation:
+    """A point of a branch at which the orbit's stability or itinerary changes.
+
+    Attributes
+    ----------
+    kind : str
+        "fold", "flip", "symmetry breaking", "branch point", "torus", the name of a change of itinerary, or "capture":
+        of a layered view with a finite ratio, whose contact is captured on one side of it and passes on the other.
+    name : str
+        The parameter's.
+    parameter : float, in the unit of the parameter
+        Its value.
+    uncertainty : float, in the unit of the parameter
+        Half width of the bracket.
+    orbit : PeriodicOrbit
+        At the bifurcation, on the side from which the branch comes.
+    change : Change or None
+        Which events change, for changes of itinerary.
+    beyond : PeriodicOrbit or None
+        The orbit on the other side of a change of itinerary.
+
+    Notes
+    -----
+    Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the smooth ones; di Bernardo, Budd, Champneys,
+    Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for the others.
+
+    Examples
+    --------
+    The logistic map's first period doubling, at 3:
+
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, find_orbit, follow
+    >>> t, x, a = sp.symbols("t x a", real=True)
+    >>> logistic = System({x: 0 * x}, time=t, parameters={a: 2.8}, events=[Event(every=1, update={x: a * x * (1 - x)})])
+    >>> orbit = find_orbit(logistic, {x: 0.6}, period=1, phase=0.5)
+    >>> (flip,) = follow(orbit, a, to=3.3).bifurcations
+    >>> print(flip.kind, f"{flip.parameter:.6f}")
+    flip 3.000000
+    """
+
+    kind: str
+    name: str
+    parameter: float
+    uncertainty: float
+    orbit: PeriodicOrbit
+    change: Change | None = None
+    beyond: PeriodicOrbit | None = None
+
+    @property
+    def jumps(self) -> bool:
+        """Whether the Poincare map jumps there, so that the branch ends."""
+        if self.kind != ADDING or self.beyond is None or self.change is None:
+            return self.kind in (CAPTURE, ADDING)
+        # What a fold of the layer lets go is gone; what only comes to the end of it slips and is back at once.
+        return not self.change.before and any("fold" in letter.kind for letter in self.change.after)
+
+    def __str__(self) -> str:
+        text = f"{self.kind} at {self.name} = {self.parameter:.10g} (+- {self.uncertainty:.1g})"
+        if self.change is not None and self.beyond is not None:
+            sizes = [", ".join(f"{m:.4g}" for m in orbit.multipliers) for orbit in (self.orbit, self.beyond)]
+            text += f"\n    {self.change}\n    multipliers {sizes[0]} -> {sizes[1]}"
+        return text
+
+
+def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
+    """All bifurcations on the way from one point of a branch to the next, in order.
+
+    Parameters
+    ----------
+    walk : Walk
+        Predictor and corrector of the branch (arclength.py).
+    here, there : Point
+        Neighbours on the branch.
+
+    Returns
+    -------
+    list of Bifurcation
+        Located and named.
+
+    Notes
+    -----
+    Test functions are zeroed between points of one itinerary; a change of itinerary is enclosed by bisection.
+
+    Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the test functions.
+
+    Examples
+    --------
+    `follow` asks it after every step:
+
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, find_orbit
+    >>> from pwsmooth.analysis.continuation.arclength import Walk
+    >>> from pwsmooth.analysis.continuation import bifurcations_between
+    >>> t, x, a = sp.symbols("t x a", real=True)
+    >>> logistic = System({x: 0 * x}, time=t, parameters={a: 2.8}, events=[Event(every=1, update={x: a * x * (1 - x)})])
+    >>> orbit = find_orbit(logistic, {x: 0.6}, period=1, phase=0.5)
+    >>> walk = Walk(orbit, "a", scale=1.0)
+    >>> here = walk.point(orbit, np.array([0.0, 1.0]))
+    >>> there = walk.step(here, 0.3)
+    >>> [bifurcation.kind for bifurcation in bifurcations_between(walk, here, there)]
+    ['flip']
+    """
+    bifurcations: list[Bifurcation] = []
+    for _ in range(8):
+        if same_itinerary(here.orbit, there.orbit):
+            return bifurcations + _smooth_all(walk, here, there)
+        left, right, part = change_enclosed(walk, here, there)
+        left, right, width = _cornered(walk, here, there, left, right, part)
+        for reach in _APART:
+            apart = _apart(walk, here, there, left, right, reach)
+            change = change_between(*(p.orbit for p in apart))
+            if change.name != JUMP:
+                break
+        # So near to a grazing that the touch has no derivative, the orbits a little away have the multipliers.
+        before, behind = (far if near.orbit.degenerate else near for near, far in zip((left, right), apart))
+        bifurcations += _smooth_all(walk, here, before)
+        if change.name == "lift-off":
+            # The flight is as high as the square of the distance from it: lower than roundings it is none.
+            width = max(width, math.sqrt(np.finfo(float).eps) * (1 + abs(walk.value(left))))
+        if not of_no_effect(change, *(p.orbit for p in apart)):
+            if change.name == JUMP and (found := jump_between(walk, left, right)) is not None:
+                found = found._replace(change=found.change or change)
+                return [*bifurcations, Bifurcation(*found, beyond=behind.orbit)]
+            bifurcations.append(
+                Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, behind.orbit)
+            )
+        here = behind
+    return bifurcations
+
+
+def of_no_effect(change: Change, one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
+    """Whether independent events change their order: the map has the same derivative at two orbits so little apart."""
+    if change.name != "change of order":
+        return False
+    off = np.abs(one.jacobian - other.jacobian).max(initial=0.0)
+    return bool(off <= 100 * _APART[0] * np.abs(one.jacobian).max(initial=0.0))
+
+
+def collapse_between(
+    walk: Walk, here: Point, there: Point, bifurcations: list[Bifurcation]
+) -> tuple[int, list[Bifurcation]] | None:
+    """Where orbits of several applications of the map shrink onto one of fewer: how many, and what happens to that one.
+
+    A doubled branch ends at the flip from which it comes. Its arc goes on, as it must: through a fold to the same
+    orbits half a turn later, or on to the shorter orbit itself, run through twice. None where nothing of this is seen.
+    """
+    for count in range(1, walk.map.count):
+        if walk.map.count % count == 0 and (near := _shrunk(here, there, count)) is not None:
+            break
+    else:
+        return None
+    short, x = near
+    orbit = refined_to(short.orbit, count, x)
+    if not orbit.success:
+        return count, []
+    single = Walk(orbit, walk.name, walk.scale)
+    at = single.point(orbit, there.u - here.u)
+    # The shorter orbit lives on both sides of the collapse: from well behind it to well before.
+    q = [walk.value(p) for p in (here, there)]
+    if short is here:
+        turn = next((b.parameter for b in bifurcations if b.kind == "fold"), q[1])
+        q = [turn + 2 * (max(q, key=lambda value: abs(value - turn)) - turn) * side for side in (1, -1)]
+    before, behind = (single.at_parameter(at, value) for value in q)
+    if before is None or behind is None:
+        return count, []
+    return count, bifurcations_between(single, before, behind)
+
+
+def _shrunk(here: Point, there: Point, count: int) -> tuple[Point, np.ndarray] | None:
+    """Where the way to the next point leads onto or through an orbit of `count` applications, and a guess of it."""
+    steps = [p.orbit.after(count) - p.orbit.x for p in (here, there)]
+    sizes = [np.linalg.norm(step) for step in steps]
+    if sizes[1] <= SAME * (1 + np.linalg.norm(there.orbit.x)):
+        return there, there.orbit.x
+    # Through it the branch comes to the same orbits, `count` applications later, and turns back.
+    turns = steps[0] @ steps[1] < -0.5 * sizes[0] * sizes[1] and here.tangent[-1] * there.tangent[-1] < 0
+    if not turns:
+        return None
+    return here, here.orbit.x + (there.orbit.x - here.orbit.x) * sizes[0] / (sizes[0] + sizes[1])
+
+
+def change_enclosed(walk: Walk, here: P, there: P) -> tuple[P, P, float]:
+    """The first change of itinerary, enclosed between two points, and their distance as a part of the chord."""
+    low, high, left, right = 0.0, 1.0, here, there
+    length = np.linalg.norm(there.u - here.u)
+    while (high - low) * length > _BRACKET * (1 + np.abs(here.u).max()):
+        middle = 0.5 * (low + high)
+        if middle in (low, high):
+            break
+        point: Any = walk.along(here, there, middle, left)
+        if point is not None and same_itinerary(here.orbit, point.orbit):
+            low, left = middle, point
+        else:
+            # No orbit at all is a change too: beside a corner the chord's plane can miss the branch.
+            high, right = middle, point or right
+    return left, right, high - low
+
+
+def _cornered(
+    walk: Walk, here: Point, there: Point, left: Point, right: Point, part: float
+) -> tuple[Point, Point, float]:
+    """The points about a change, nearer where their gap tells of a corner; half the width of the bracket."""
+    width = part * abs(there.u[-1] - here.u[-1])
+    gap = float(np.linalg.norm(right.u - left.u))
+    if gap > 1e3 * _BRACKET * (1 + np.abs(here.u).max()):
+        # At a corner both sides lead to it, each along its own tangent.
+        left = _last(walk, left, left.tangent, 4 * gap)
+        back = right.tangent if right.tangent @ (left.u - right.u) > 0 else -right.tangent
+        right = _last(walk, right, back, 4 * gap)
+        width += abs(right.u[-1] - left.u[-1])
+    return left, right, width * walk.scale
+
+
+def _last(walk: Walk, point: Point, way: np.ndarray, length: float) -> Point:
+    """The last point of the same itinerary on the way along a tangent."""
+    first, low, high = point, 0.0, length
+    while high - low > _BRACKET * (1 + np.abs(point.u).max()):
+        middle = 0.5 * (low + high)
+        if middle in (low, high):
+            break
+        guess = point.u + (middle - low) * way
+        further = walk.correct(guess, way, first.tangent)
+        if further is not None and same_itinerary(first.orbit, further.orbit):
+            low, point = middle, further
+        else:
+            high = middle
+    return point
+
+
+def _apart(walk: Walk, here: Point, there: Point, left: Point, right: Point, reach: float) -> list[Point]:
+    """Points of the two itineraries a little away from the change."""
+    found = []
+    for point, end in ((left, here), (right, there)):
+        chord = end.u - point.u
+        length = float(np.linalg.norm(chord))
+        way = chord / length if length > 0 else point.tangent
+        further = walk.correct(point.u + min(reach, length) * way, way, end.tangent)
+        same = further is not None and same_itinerary(further.orbit, point.orbit)
+        found.append(further if same and further is not None else point)
+    return found
+
+
+def _smooth_all(walk: Walk, here: Point, there: Point, depth: int = 0) -> list[Bifurcation]:
+    """Bifurcations of stability between two points of one itinerary, by halves where the tests miss one.
+
+    Two zeros of one test have no change of sign between them, and near a branch point Newton's method may fail: then
+    more multipliers come to lie outside of the unit circle than what was found explains.
+    """
+    found = _smooth(walk, here, there)
+    outside = [_outside(point.orbit) for point in (here, there)]
+    if None in outside:
+        return found
+    change = abs(outside[1] - outside[0])  # type: ignore[operator]
+    explained = sum(2 if one.kind == "torus" else 1 for one in found)
+    if change <= explained and (change - explained) % 2 == 0:
+        return found
+    # A chord's middle may be the branch point itself, where Newton's method fails.
+    parts = (walk.along(here, there, part, here) for part in (0.5, 0.4))
+    middle = next((point for point in parts if point is not None), None)
+    if depth == _HALVINGS or middle is None or not same_itinerary(here.orbit, middle.orbit):
+        return found or [_unnamed(walk, here, there, here)]
+    if _outside(middle.orbit) is None:
+        return found or [_unnamed(walk, here, there, middle)]
+    return _smooth_all(walk, here, middle, depth + 1) + _smooth_all(walk, middle, there, depth + 1)
+
+
+def _outside(orbit: PeriodicOrbit) -> int | None:
+    """How many multipliers lie outside of the unit circle; None where one lies on it."""
+    sizes = np.abs(orbit.map_multipliers)
+    off = np.abs(sizes - 1).min(initial=np.inf)
+    if off < _ON_CIRCLE or off < _NEAR and any(orbit._at_rounding(root) for root in (1, -1)):
+        return None
+    return int(np.sum(sizes > 1))
+
+
+def undecided(here: Point, there: Point, kind: str) -> bool:
+    """Whether a point has the multiplier of a bifurcation but for roundings: a change of sign there means nothing."""
+    root = 1 if kind in ("fold", "branch point") else -1
+    return any(point.orbit._at_rounding(root) for point in (here, there))
+
+
+def _unnamed(walk: Walk, here: Point, there: Point, at: Point) -> Bifurcation:
+    """The change of stability between two points, named by the multiplier that is nearest to the unit circle."""
+    mu = at.orbit.map_multipliers
+    critical = mu[np.argmin(np.abs(np.abs(mu) - 1))]
+    if abs(critical.imag) > 1e-6:
+        kind = "torus"
+    elif critical.real > 0:
+        kind = "fold" if here.tangent[-1] * there.tangent[-1] < 0 else "branch point"
+    else:
+        kind = "symmetry breaking" if here.orbit.symmetric else "flip"
+    width = max(abs(walk.value(end) - walk.value(at)) for end in (here, there))
+    return Bifurcation(kind, walk.name, walk.value(at), width, at.orbit)
+
+
+def _smooth(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
+    """Bifurcations of stability between two points of one itinerary that change the sign of their tests."""
+    bifurcations = []
+    symmetric = here.orbit.symmetric
+    tests = {
+        "fold": lambda p: p.tangent[-1],
+        "symmetry breaking" if symmetric else "flip": lambda p: factors(p.orbit.map_multipliers, -1),
+        "branch point": lambda p: factors(p.orbit.map_multipliers, 1),
+        "torus": lambda p: pairs(p.orbit.map_multipliers),
+    }
+    for kind, test in tests.items():
+        a, b = test(here), test(there)
+        if not (a * b < 0) or kind not in ("fold", "torus") and undecided(here, there, kind):
+            continue
+        if kind == "branch point" and here.tangent[-1] * there.tangent[-1] < 0:
+            continue  # the same zero as the fold's
+        point = zero_between(walk, here, there, test)
+        if point is None or (kind == "torus" and not on_circle(point.orbit.map_multipliers)):
+            continue
+        # Multipliers and tangents are known to some 1e-10; that over the slope of the test function.
+        width = 1e-10 * max(abs(walk.value(there) - walk.value(here)) / abs(b - a), 1.0)
+        bifurcations.append(Bifurcation(kind, walk.name, walk.value(point), width, point.orbit))
+    return sorted(bifurcations, key=lambda b: np.linalg.norm(b.orbit.x - here.orbit.x))

@@ -1,0 +1,1 @@
+"""Branches of equilibria, their bifurcations, and curves of these in two parameters."""

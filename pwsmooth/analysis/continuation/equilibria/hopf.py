@@ -1,0 +1,117 @@
+"""Periodic orbits that begin at a Hopf point of a branch of equilibria.
+
+    x(t) = x0 + a Re(q exp(i w t)),   A q = i w q;   section Im <p, x - x0> = 0, rising,   A' p = -i w p
+
+Across the section the linear motion is fastest, and the amplitude a along Re q is held while Newton's method finds the
+parameter, as behind a flip (continuation.branch_off).
+
+Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the eigenvectors as predictor.
+Chain: equilibrium_branch.py, arclength.py -> **hopf**.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from ....definition import checks
+from ...maps.sections import LONGEST, Section, poincare_map
+from ...orbits.periodic_orbit import PeriodicOrbit, none_found
+from ..arclength import Walk
+from .branch import EquilibriumBifurcation
+
+__all__ = ["cycle_from"]
+
+_SMALLEST = 0.5  # of the predicted distance from the equilibrium: what comes nearer is the equilibrium itself
+
+
+@checks.door(
+    hopf=checks.instance(EquilibriumBifurcation, "one of the `bifurcations` of a branch of equilibria"),
+    amplitude=checks.positive, direction=checks.one_of(1, -1),
+)  # fmt: skip
+def cycle_from(
+    hopf: EquilibriumBifurcation,
+    amplitude: float = 1e-2,
+    *,
+    section: Any = None,
+    direction: int = 1,
+    **options: Any,
+) -> PeriodicOrbit:
+    """A periodic orbit near a Hopf point, of the system or of its flow on a sliding surface.
+
+    Parameters
+    ----------
+    hopf : EquilibriumBifurcation
+        Of kind "Hopf" or "sliding Hopf".
+    amplitude : float, in the units of the states
+        Of the orbit, along the critical eigenvector of length 1; the parameter follows from it.
+    section : Expr, optional
+        A surface through the equilibrium that the orbit crosses; by default a plane.
+    direction : {1, -1}
+        The section is crossed with its function rising or falling.
+    **options
+        For `solve`.
+
+    Returns
+    -------
+    PeriodicOrbit
+        At its own parameter value, which `follow` continues and `refine` accepts; `success` False if none was found.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Another kind of bifurcation; a section that the system cannot return to.
+
+    Notes
+    -----
+    Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the predictor.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, find_equilibrium, follow
+    >>> from pwsmooth.analysis.continuation import cycle_from
+    >>> x, y, a = sp.symbols("x y a", real=True)
+    >>> r2 = x**2 + y**2  # the cycle has the radius sqrt(a)
+    >>> ring = System({x: a * x - y - x * r2, y: x + a * y - y * r2}, parameters={a: -0.5})
+    >>> (hopf,) = follow(find_equilibrium(ring, {x: 0, y: 0}), a, to=0.5).bifurcations
+    >>> cycle = cycle_from(hopf, 0.2)
+    >>> cycle.success, round(cycle.system.parameters[a], 9), round(float(abs(cycle.x).max()) ** 2, 9)
+    (True, 0.02, 0.02)
+    """
+    if hopf.kind not in ("Hopf", "sliding Hopf"):
+        raise ValueError(f"`hopf` is a {hopf.kind}; cycles begin at a Hopf or a sliding Hopf point.")
+    e = hopf.equilibrium
+    system, linear = e.system, e.linear
+    own = len(e.x) - system.model.n_memory
+    mu, vectors = np.linalg.eig(linear.matrix)
+    critical = int(np.argmin(np.abs(mu - 1j * hopf.frequency)))
+    left = np.linalg.inv(vectors)[critical]  # <p, .>: <p, q> = 1
+    q = linear.along @ vectors[:, critical]
+    turn = np.exp(-0.5j * np.angle(q @ q))  # Re q and Im q are orthogonal then, Re q the longer one
+    q, p = q * turn / np.linalg.norm(q), np.linalg.norm(q) / turn * (left @ linear.along.T)
+    if section is None:
+        section = sp.Add(*(float(c) * (s - float(x)) for c, s, x in zip(p.imag, system.model.states, e.x)))
+    map_ = poincare_map(system, None, section, direction, LONGEST, options)
+    assert isinstance(map_, Section)
+    ahead = np.zeros(len(e.x))
+    h = map_.gradient(e.x)[:own]
+    # On the section, and where its function rises: h . Re(q exp(i phase)) = 0, d/dt of it > 0.
+    phase = np.pi / 2 - np.angle(h @ q) if abs(h @ q) > 0 else 0.0
+    phase += np.pi if (direction * (h @ (1j * q * np.exp(1j * phase))).real) < 0 else 0.0
+    ahead[:own] = (q * np.exp(1j * phase)).real
+    unit = ahead / np.linalg.norm(ahead)
+    first = PeriodicOrbit(map_, e.x, 0.0, np.full((len(e.x),) * 2, np.nan), (), 0.0, 0, True, "")
+    walk = Walk(first, hopf.name, 1.0)
+    normal = np.append(unit, 0.0)
+    guess = np.append(e.x + amplitude * ahead, hopf.parameter)
+    point = walk.correct(guess, normal, normal)
+    lost = "give another `amplitude`, a smaller one as a rule, or a `section` that the cycle crosses."
+    if point is None:
+        return none_found(map_, guess[:-1], f"no orbit was found at this distance from the Hopf point: {lost}")
+    orbit = point.orbit
+    if np.linalg.norm(orbit.x - e.x) < _SMALLEST * amplitude * np.linalg.norm(ahead):
+        return none_found(map_, guess[:-1], f"no orbit was found but the equilibrium itself: {lost}")
+    return orbit

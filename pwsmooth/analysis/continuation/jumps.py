@@ -1,0 +1,139 @@
+"""Where the Poincare map jumps, so that a branch ends: what is just captured there, just let go, or just touched.
+
+    capture           an arrival is just held, or just not                    captures.py
+    adding-sliding    a stick of a hidden term could just hold no more        holding.py, windows.py
+                      or is just let go                                       impacts.py
+    grazing           a stop, an event or static friction is just touched, where the branch finds no orbit beyond
+
+Chain: arclength.py, captures.py, recutting.py -> **jumps** -> bifurcations.py, continuation.py.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..maps.holding import not_held, strength_of
+from ..maps.impacts import from_release
+from ..maps.parts import minima
+from ..maps.sections import Stroboscopic
+from ..orbits.finding import refine
+from ..orbits.itineraries import Change, Letter, same_itinerary
+from ..orbits.periodic_orbit import PeriodicOrbit
+from ..orbits.recutting import touched
+from .arclength import Point, Walk
+from .conditions.captures import CAPTURE, at_threshold, clearances
+
+ADDING = "adding-sliding"
+# Of the parameter: in which a jump is enclosed, and to which the layer is resolved.
+_THRESHOLD, _LAYER = 1e-10, 1e-6
+_PARTED = 1e-6  # in the unit of dh/dt: so little more the layer holds beside a jump
+_GRAZED = 1e-4  # in the unit of h: so near the last orbit of a branch comes, within its shortest step
+
+
+class Jump(NamedTuple):
+    """What a Bifurcation begins with."""
+
+    kind: str
+    name: str
+    parameter: float
+    uncertainty: float
+    orbit: PeriodicOrbit
+    change: Change | None = None
+
+
+def jump_between(walk: Walk, left: Point, right: Point) -> Jump | None:
+    """Whether a jump is that of a contact which is just captured, just not, or just let go; located over the parameter.
+
+    The chord leads from one orbit to another there, and says little of where the first one ends.
+    """
+    if not (clearances(left.orbit) or parted(left.orbit, math.inf)):
+        return None
+    last, first = left.orbit, left.orbit
+    low, high = walk.value(left), walk.value(right)
+    if left.tangent[-1] * (high - low) <= 0:
+        high = low + math.copysign(max(abs(high - low), 1e-3 * walk.scale), left.tangent[-1])
+    while abs(high - low) > _THRESHOLD * (abs(low) + walk.scale):
+        middle = 0.5 * (low + high)
+        found = refine(first.map.with_parameters({walk.name: middle}), last.x)
+        if found.success and same_itinerary(first, found):
+            low, last = middle, found
+        else:
+            high = middle
+    width = abs(high - low) + _LAYER * (abs(low) + walk.scale)
+    if at_threshold(last):
+        return Jump(CAPTURE, walk.name, low, width, last)
+    change = parted(last, _PARTED)
+    return None if change is None else Jump(ADDING, walk.name, low, width, last, change)
+
+
+def parted(orbit: PeriodicOrbit, within: float) -> Change | None:
+    """The stick of a hidden term whose layer could hold no more than `within` at one time: where it lets go."""
+    best: Any = None
+    for mu in orbit.system.model.multipliers:
+        name = str(mu.symbol)
+        if not mu.hidden or not_held(orbit.system.model, name):
+            continue
+        found = touched(orbit, name, stays=True)
+        image = None if isinstance(found, str) else found[0].image(found[1], ())
+        near = getattr(image, "approach", None)
+        if near is not None and near.h <= within and (best is None or near.h < best[1].h):
+            best = name, near, found[0].window.side  # type: ignore[union-attr]
+    if best is None:
+        return None
+    name, near, side = best
+    first = orbit.map.start_time if isinstance(orbit.map, Stroboscopic) else 0.0
+    time = float((near.place - first) / orbit.period % 1.0)
+    return Change(ADDING, (), (Letter(time, name, "slip by fold", 0, -side),), time)
+
+
+def let_go(orbit: PeriodicOrbit, within: float) -> Change | None:
+    """The stick of a hidden term that is just let go, whose layer could have held it with `within` more."""
+    found = from_release(orbit.map, orbit.x)
+    if found is None:
+        return None
+    release, z = found
+    t, D = float(z[-1]), release.duration
+    _, stays = release.systems()
+    run = release._solve(stays, (t, t + release.behind * D), z[:-1], True)
+    functions = strength_of(orbit.system.model, release.name, -release.side).functions(run.model)
+    places = minima(run, functions) if run.success else []
+    if not places:
+        return None
+    at = np.array(places[:1])
+    if functions[0](at, *run.dense(at), run.tape.p)[0] < -within:
+        return None
+    time = (t - release.start_time) / orbit.period % 1.0
+    return Change(ADDING, (Letter(time, release.name, "slip by fold", 0, release.side),), (), time)
+
+
+def end_at(walk: Walk, here: Point, width: float) -> Jump | None:
+    """What a branch ends at where the map jumps: a capture, the grazing of a stop or of an event."""
+    if at_threshold(here.orbit):
+        return Jump(CAPTURE, walk.name, walk.value(here), width, here.orbit)
+    for ends in (parted, let_go):
+        if (change := ends(here.orbit, _GRAZED)) is not None:
+            return Jump(ADDING, walk.name, walk.value(here), width, here.orbit, change)
+    model, best = here.orbit.system.model, None
+    kinds = {str(mu.symbol): ("grazing impact", "impact") for mu in model.multipliers if mu.kind == "contact"}
+    # Static friction holds at once what just comes to rest.
+    kinds |= {str(mu.symbol): ("grazing-sliding", "stick") for mu in model.multipliers if mu.hidden}
+    for event in model.events:
+        if event.surface is not None and not event.singular:
+            kinds[event.name] = ("grazing of an event", "reset")
+    for name in kinds:
+        found = touched(here.orbit, name)
+        image = None if isinstance(found, str) else found[0].image(found[1], ())
+        near = getattr(image, "approach", None)
+        if near is not None and (best is None or near.h < best[1].h):
+            best = name, near, found[0]
+    if best is None or not best[1].h <= _GRAZED:
+        return None
+    name, near, _ = best
+    kind, letter = kinds[name]
+    first = here.orbit.map.start_time if isinstance(here.orbit.map, Stroboscopic) else 0.0
+    time = float((near.place - first) / here.orbit.period % 1.0)
+    change = Change(kind, (), (Letter(time, name, letter, 0, 0),), time)
+    return Jump(kind, walk.name, walk.value(here), width, here.orbit, change)

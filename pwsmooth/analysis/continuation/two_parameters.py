@@ -1,0 +1,309 @@
+"""Curves in two parameters along which a bifurcation of periodic orbits persists.
+
+    P(x; p, q) = x,   c(x, p, q, e) = 0,   tau . (u - u0) = ds,   u = (x, p/scale, q/scale, e)
+
+c says which bifurcation (conditions.py); points at which a second condition holds are located and named. Every orbit is
+one of the exact system: where the itinerary changes the curve says so, and ends where the bifurcation does.
+
+Chain: curve_ways.py -> **curves**.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ...definition import checks
+from ...paths.budget import MOST_STEPS, Budget, opened, within
+from ..equilibria.equilibrium import Equilibrium
+from ..maps.impacts import FromEvent
+from ..orbits.periodic_orbit import PeriodicOrbit
+from .bifurcations import Bifurcation
+from .codimension import Codimension2, Lead
+from .conditions.conditions import Condition
+from .curves.starts import BORDER, FOLLOWED, condition_of, given
+from .curves.walk import CurveWalk, Spot, where
+from .curves.ways import Way
+from .equilibria import curves as equilibrium_curves
+from .equilibria.branch import EquilibriumBifurcation
+from .equilibria.curves import EquilibriumCurve, follow_equilibria
+from .plane import InPlane
+
+__all__ = ["Codimension2", "Curve", "follow_curve"]
+
+_COUNTED = 2**62
+# Of the scaled unknowns: Newton's method is not trusted so far from a start; the steps instead.
+_FAR, _PARTS = 0.1, 10
+# Of the states' size, to both sides: at which what is born at a point is looked for.
+_AMPLITUDES = (0.02, -0.02, 0.06, -0.06, 0.2, -0.2)
+_ASIDE = 1e-4  # of the arc: so far along it is seen whether a curve begins
+
+
+@dataclass(repr=False)
+class Curve(InPlane):
+    """A curve of bifurcations in two parameters.
+
+    Attributes
+    ----------
+    kind : str
+        Of the bifurcation, as of `Bifurcation`.
+    parameters : tuple of str
+        The names of both.
+    orbits : list of PeriodicOrbit
+        In order along the curve.
+    points : list of Codimension2
+        Where a second condition holds, in order along the curve.
+    ends : tuple of str
+        Why it ended in either direction, in words; one of them where it closes.
+    turns : list of Codimension2
+        Where it turns back in one of the parameters, in order along the curve; no bifurcations, but the largest and
+        smallest values at which they exist.
+    tests : dict of str to ndarray, each of shape (number of orbits,), dimensionless
+        Functions along the curve that vanish at points of codimension 2, by their names.
+
+    Notes
+    -----
+    Source: Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, 2000, for the test functions.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, find_orbit, follow, follow_curve
+    >>> t, x, a, b = sp.symbols("t x a b", real=True)
+    >>> step = Event(every=1, update={x: a - x**2 + b * x})
+    >>> quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
+    >>> (flip,) = follow(find_orbit(quadratic, {x: 0.3}, period=1, phase=0.5), a, to=1).bifurcations
+    >>> curve = follow_curve(flip, {a: (-1, 2), b: (-1, 1)})
+    >>> curve.ends
+    ('reached b = -1.', 'reached b = 1.')
+    >>> p, q = curve.values
+    >>> bool(abs(4 * p - (1 + q) * (3 - q)).max() < 1e-8)  # of x = (1 + b)/2
+    True
+    """
+
+    orbits: list[PeriodicOrbit] = field(default_factory=list)
+
+    _noun = "orbits"
+
+    @property
+    def _items(self) -> list[Any]:
+        return self.orbits
+
+    def _columns(self) -> dict[str, Any]:
+        return {
+            "period": [orbit.period for orbit in self.orbits],
+            "largest_multiplier": [abs(orbit.multipliers).max(initial=0.0) for orbit in self.orbits],
+        }
+
+
+@checks.door(
+    start=checks.instance(
+        (Bifurcation, PeriodicOrbit, Codimension2, EquilibriumBifurcation, Equilibrium),
+        "a bifurcation of a branch, an orbit or equilibrium near to one, or a Codimension2 of a curve",
+    ),
+    ranges=checks.mapping, virtual=checks.flag, most=checks.integer(1),
+    kind=checks.optional(checks.one_of(*FOLLOWED, BORDER, *equilibrium_curves.FOLLOWED)),
+    **dict.fromkeys(("step", "longest_step", "shortest_step"), checks.positive),
+)  # fmt: skip
+def follow_curve(
+    start: Bifurcation | PeriodicOrbit | Codimension2 | EquilibriumBifurcation | Equilibrium,
+    ranges: Mapping[Any, Any],
+    *,
+    kind: str | None = None,
+    switch: Any = None,
+    virtual: bool = False,
+    step: float = 0.01,
+    longest_step: float = 0.05,
+    shortest_step: float = 1e-6,
+    most: int = 500,
+    max_steps: int = 10 * MOST_STEPS,
+    max_seconds: float | None = None,
+) -> Curve | EquilibriumCurve:
+    """Follow a bifurcation over two parameters, to both sides.
+
+    Parameters
+    ----------
+    start : Bifurcation, PeriodicOrbit, EquilibriumBifurcation, Equilibrium or Codimension2
+        One of a branch's `bifurcations`; an orbit or equilibrium near to one, whose `kind` is given; or one of the
+        `points` of a curve, at which another one `begins`.
+    ranges : mapping of (str or Symbol) to (float, float), in the units of the parameters
+        The two parameters, each with the least and the largest value.
+    kind : str, optional
+        Of an orbit: "fold", "flip", "symmetry breaking", "torus" or "branch point"; or, on the side that does not touch
+        it, "grazing impact", "grazing", "grazing-sliding", "grazing of an event" or "adding-sliding";
+        "border collision"; or "capture", of a layered view with a finite ratio. Of an equilibrium: "fold", "Hopf",
+        "sliding Hopf", "hidden fold", "pseudo-Hopf", "two-fold" or "boundary equilibrium" (of the switch or contact
+        whose border is nearest). Of a point of codimension 2: one of what it `begins`, if that is more than one.
+    switch : Switch, Symbol, str or Expr, optional
+        Of an orbit that is about to graze: the switch, contact or event. Of a border collision: h(x), of states and
+        parameters, which is 0 at the orbit's point on its section.
+    virtual : bool
+        Go on where orbits are none of the exact system, whose impact has a negative speed or which have crossed a
+        surface that they graze: their `success` is False.
+    step, longest_step, shortest_step : float, in units of the arc
+        Of the arc in (x, p/width, q/width), the widths being those of `ranges`.
+    most : int
+        Largest number of orbits to either side.
+    max_steps, max_seconds : int, float (s), optional
+        Bounds of the whole curve, looked at after each orbit: what was followed until then is returned.
+
+    Returns
+    -------
+    Curve or EquilibriumCurve
+        Orbits or equilibria, points of codimension 2, and why it ended.
+
+    Raises
+    ------
+    ValueError, TypeError
+        A bifurcation of a kind that has no condition here, no two parameters, a start outside the ranges.
+
+    Notes
+    -----
+    Source: Keller's arclength continuation (1977); Govaerts, Numerical Methods for Bifurcations of Dynamical
+    Equilibria, 2000, for bordered test functions; Kuznetsov, Elements of Applied Bifurcation Theory, for the names.
+
+    Examples
+    --------
+    The flip of the Henon map, 4 a = 3 (1 - b)**2:
+
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, find_orbit, follow, follow_curve
+    >>> t, x, y, a, b = sp.symbols("t x y a b", real=True)
+    >>> step = Event(every=1, update={x: 1 - a * x**2 + y, y: b * x})
+    >>> henon = System({x: 0 * x, y: 0 * y}, time=t, parameters={a: 0.1, b: 0.3}, events=[step])
+    >>> orbit = find_orbit(henon, {x: 0.6, y: 0.2}, period=1, phase=0.5)
+    >>> (flip,) = follow(orbit, a, to=0.6).of_kind("flip")
+    >>> curve = follow_curve(flip, {a: (0, 2), b: (-0.5, 0.5)})
+    >>> p, q = curve.values
+    >>> bool(abs(4 * p - 3 * (1 - q) ** 2).max() < 1e-8)
+    True
+    """
+    still = start.orbit if isinstance(start, Codimension2) else getattr(start, "equilibrium", start)
+    if isinstance(still, Equilibrium):
+        both, bounds = _in_ranges(ranges, still.system)
+        return follow_equilibria(
+            start, kind, both, bounds, (step, longest_step, shortest_step), most, virtual, max_seconds
+        )
+    orbit, name, lead = given(start, kind, switch)  # type: ignore[arg-type]
+    both, bounds = _in_ranges(ranges, orbit.system)
+    budget = opened(max_steps, max_seconds)
+    lengths = step, longest_step, shortest_step
+    with within(Budget(_COUNTED)) as counted:
+        return _both_sides(
+            lead, condition_of(lead, name, both), both, bounds, lengths, most, virtual,
+            lambda: _COUNTED - counted.left >= budget.left or budget.late(),
+        )  # fmt: skip
+
+
+def _in_ranges(ranges: Mapping[Any, Any], system: Any) -> tuple[tuple[str, str], np.ndarray]:
+    """The names of both parameters and the bounds, which hold the system's values."""
+    known = system.parameters
+    names = tuple(checks.lookup(key, known, "`ranges`", "parameter").name for key in ranges)
+    if len(set(names)) != 2:
+        raise ValueError(f"`ranges` names {', '.join(map(str, ranges)) or 'nothing'}; give two parameters.")
+    bounds = np.array([checks.interval(pair, f"`ranges` of {key}") for key, pair in ranges.items()])
+    first = np.array([next(float(v) for p, v in known.items() if p.name == q) for q in names])
+    if not np.all((bounds[:, 0] <= first) & (first <= bounds[:, 1])):
+        at = ", ".join(f"{q} = {value:.9g}" for q, value in zip(names, first))
+        raise ValueError(f"`ranges` leaves out the start, {at}; give ranges that hold it.")
+    return (names[0], names[1]), bounds
+
+
+def _both_sides(lead, condition, names, bounds, lengths, most, virtual, used_up) -> Curve:
+    curve = Curve(condition.kind, names)
+    begun = _begun(lead, condition, names, bounds)
+    if isinstance(begun, str):
+        curve.ends = (begun,)
+        return curve
+    walk, first = begun
+    walk.framed(first)
+    if lead.direction is None:  # nearly along the curve itself, the nearest point may be far
+        first = walk.correct(first.u, None, first.tangent) or first
+    if not isinstance(walk.map, FromEvent):
+        first = walk.segmented(first)  # what grows in a window or beside it did not for the branch
+    ways: list[Way] = []
+    sides: list[tuple[list[Spot], list[Codimension2], str]] = []
+    for sign in (-1.0, 1.0):
+        side = copy.copy(walk)
+        side.condition = copy.deepcopy(walk.condition)
+        here = copy.copy(first)
+        object.__setattr__(here, "tangent", sign * first.tangent)
+        way = Way(side, bounds, lengths, most, virtual, used_up)
+        ways.append(way)
+        if lead.begins and (begins := _begins(side, here, lead, virtual)):
+            sides.append(([here], [], begins))
+        else:
+            way.born = here if lead.begins else None
+            sides.append(way.followed(here))
+        if way.closed:
+            break
+    back, on = sides[0], sides[1] if len(sides) == 2 else ([first], [], "")
+    spots = [*back[0][:0:-1], *on[0]]
+    curve.orbits = [spot.orbit for spot in spots]
+    curve.points = [*back[1][::-1], *on[1]]
+    curve.turns = [*ways[0].turns[::-1], *(ways[1].turns if len(ways) == 2 else [])]
+    curve.ends = tuple(end for end in (back[2], on[2]) if end)
+    curve.tests = {name: np.array([spot.tests.get(name, math.nan) for spot in spots]) for name in first.tests}
+    return curve
+
+
+def _begun(lead: Lead, condition: Condition, names: tuple[str, str], bounds: np.ndarray) -> Any:
+    """The walk of a curve and its first point; in words why there is none."""
+    map_, x, held = lead.cut
+    n, widths = len(x), bounds[:, 1] - bounds[:, 0]
+    given_ = {p.name: value for p, value in map_.system.parameters.items()}
+    middle = bounds.mean(axis=1) / widths
+    for amplitude in (0.0,) if lead.direction is None else _AMPLITUDES:
+        walk = CurveWalk(map_, condition, names, widths, n, held)
+        at = x if lead.direction is None else x + amplitude * (1 + np.abs(x).max()) * lead.direction
+        w = np.append(at, [given_[q] for q in names])
+        place = walk.place(w)
+        if place is None:
+            continue
+        extra = condition.start(place)
+        u = np.append(w, lead.extra or extra) / walk.sizes
+        # The nearest point, or that with one of the parameters as it is: Newton's method may lead far from a far start.
+        off, normals = condition.value(place, u[n + 2 :]), [None, *np.eye(len(u))[n : n + 2]]
+        if lead.direction is not None:
+            normals = [np.append(lead.direction, np.zeros(len(u) - n))]
+        tried = [_nearer(walk, u, normal, off) for normal in normals]
+        inside = [s for s in tried if s is not None and np.all(np.abs(s.at - middle) <= 0.5 + 1e-9)]
+        if inside:
+            return walk, min(inside, key=lambda spot: np.linalg.norm(spot.at - u[n : n + 2]))
+    return f"no {condition.kind} was found near to the start."
+
+
+def _begins(walk: CurveWalk, here: Spot, lead: Lead, virtual: bool) -> str:
+    """Whether a curve that begins at a point of codimension 2 begins at this end, in words; empty where it goes on."""
+    there: Any = walk.step(here, _ASIDE)
+    if there is None:
+        return ""
+    if lead.direction is not None:
+        grown = (
+            (there.orbit.x - here.orbit.x) @ lead.direction * ((here.orbit.x - lead.cut[1]) @ lead.direction)
+        )
+        return f"it begins near {where(walk, here)}." if grown < 0 else ""
+    place = walk.place_at(there)
+    if virtual or place is None or not walk.condition.beyond(place, there.extra):
+        return ""
+    return f"it begins at {where(walk, here)}."
+
+
+def _nearer(walk: CurveWalk, u: np.ndarray, normal: np.ndarray | None, off: np.ndarray) -> Spot | None:
+    """The first point of a curve, at once or with c in parts of what it is at the start; `normal` keeps an entry."""
+    spot = walk.correct(u, normal, None)
+    if spot is not None and np.linalg.norm(spot.u - u) < _FAR:
+        return spot
+    way = copy.copy(walk)
+    for part in np.linspace(1, 0, _PARTS + 1)[1:]:
+        way.offset = part * off
+        near = way.correct(u, normal, None)
+        if near is None:
+            return spot
+        u, spot_at_part = near.u, near
+    return spot_at_part

@@ -1,0 +1,18 @@
+"""The map of one period or return: sections, segments, symmetry, and its derivative through sticks and impacts."""
+
+from ... import on_first_use
+
+_HOME = {
+    "Image": "sections",
+    "Section": "sections",
+    "Stroboscopic": "sections",
+    "Variations": "variations",
+    "Word": "sections",
+    "symmetry_matrix": "symmetry",
+    "variations": "variations",
+    "word_of": "sections",
+}
+
+__all__ = [*_HOME]
+
+__getattr__, __dir__ = on_first_use(__name__, _HOME)

@@ -1,0 +1,136 @@
+"""Symmetries (x, t) -> (G x, t + T/2) of a driven system, given in words and checked against its field.
+
+Chain: paths/linearised.py -> **symmetry** -> sections.py (the half-period map).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from ...definition import checks
+from ...definition.model import of_event
+from ...definition.pointwise import value
+from ...paths.linearised import rates
+
+__all__ = ["symmetry_matrix"]
+
+
+@checks.door(system=checks.system, period=checks.positive)
+def symmetry_matrix(system: Any, symmetry: Mapping[Any, Any], period: float) -> np.ndarray:
+    """The matrix G of a symmetry (x, t) -> (G x, t + T/2), checked against the field.
+
+    Parameters
+    ----------
+    system : System
+        Driven with `period`.
+    symmetry : mapping of state to Expr
+        Images of states, linear in the states; what is not named stays.
+    period : float, in the unit of the model's time
+        T.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        G, in units of the image's state over the state's.
+
+    Raises
+    ------
+    ValueError
+        Not linear, not invertible, or (x, t) -> (G x, t + T/2) does not map the system to itself.
+
+    Notes
+    -----
+    The field is compared at random points off the surfaces.
+
+    Examples
+    --------
+    >>> import math
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.analysis.maps import symmetry_matrix
+    >>> t, x, v = sp.symbols("t x v", real=True)
+    >>> driven = System({x: v, v: sp.cos(t) - x - sp.sign(v) / 4}, time=t)
+    >>> symmetry_matrix(driven, {x: -x, v: -v}, 2 * math.pi).tolist()
+    [[-1.0, 0.0], [0.0, -1.0]]
+    """
+    states = system.model.states
+    images = {x: x for x in states}
+    named = {s.name: s for s in states}
+    for key, image in checks.mapping(symmetry, "`symmetry`", "states to linear expressions").items():
+        x = checks.lookup(key, states, "`symmetry`", "state")
+        images[x] = checks.expression(image, f"`symmetry`, image of {x}", named)
+    rows = [[sp.expand(images[x]).diff(y) for y in states] for x in states]
+    if any(not e.is_number for row in rows for e in row) or any(
+        images[x].subs(dict.fromkeys(states, 0)) != 0 for x in states
+    ):
+        raise ValueError(f"`symmetry` is {dict(symmetry)}; give linear expressions of states, as {{y: -y}}.")
+    G = np.array(rows, float)
+    if abs(np.linalg.det(G)) < 1e-12:
+        raise ValueError(
+            f"`symmetry` is {dict(symmetry)}, which is not invertible; give one image for each state."
+        )
+    worst = _asymmetry(system, G, period)
+    if not worst < 1e-9:
+        raise ValueError(
+            f"`symmetry` is {dict(symmetry)}, but the system does not have it together with a shift of time by half "
+            f"the period {period:g}: the fields differ by {worst:.2g}. Leave it out, or give another one."
+        )
+    return G
+
+
+def repeats_in(system: Any, time: float) -> bool:
+    """Whether the system is the same after this time: its clocks, and at random points all that reads the time."""
+    model = system.model
+    given: dict[Any, float] = dict(zip(model.parameters, system.parameter_values))
+    parts: list[Any] = [*model.rhs, *model.layer_residuals]
+    for mu in model.multipliers:
+        parts += [mu.residual, mu.surface, *(mu.impact or ())]
+    for layer in model.layer_states:
+        parts += [layer.rate, layer.equilibrium]
+    for event in model.events:
+        if event.at:
+            return False
+        if event.every is not None:
+            ticks = time / value(event.every, given)
+            if abs(ticks - round(ticks)) > 1e-9 or round(ticks) < 1:
+                return False
+        parts += [part for part in of_event(event) if part is not event.every]
+    timed = [part for part in parts if part is not None and model.time in part.free_symbols]
+    if any(not isinstance(part, sp.Expr) for part in timed):
+        return False
+    rng = np.random.default_rng(0)
+    for _ in range(8):
+        t = rng.uniform(0, time)
+        for part in timed:
+            point = given | {symbol: rng.normal() for symbol in part.free_symbols if symbol not in given}
+            one, other = (value(part, point | {model.time: at}) for at in (t, t + time))
+            if not abs(one - other) <= 1e-9 * (abs(one) + abs(other)):
+                return False
+    return True
+
+
+def _asymmetry(system: Any, G: np.ndarray, period: float) -> float:
+    """Largest relative difference of G f(t, x) and f(t + T/2, G x) at random points off the surfaces."""
+    model = system.model
+    p = np.array(system.parameter_values, float)
+    rng = np.random.default_rng(0)
+    worst = 0.0
+    for _ in range(8):
+        t, x = rng.uniform(0, period), rng.normal(size=len(model.states))
+        fields = []
+        for time, at in ((t, x), (t + period / 2, G @ x)):
+            point = {model.time: time, **dict(zip(model.states, at)), **dict(zip(model.parameters, p))}
+            for mu in model.multipliers:
+                # A closed contact or an algebraic unknown has no side: at 0 they take no part in the check.
+                point[mu.symbol] = 0.0
+                if mu.kind == "switch":
+                    point[mu.symbol] = 1.0 if value(mu.surface, point) > 0 else -1.0
+            mult = np.array([point[mu.symbol] for mu in model.multipliers])
+            fields.append(rates(model, time, at, mult, p))
+        difference = np.abs(G @ fields[0] - fields[1]).max(initial=0.0)
+        worst = max(worst, difference / (1e-300 + np.abs(fields[1]).max(initial=0.0) + 1e-12))
+    return float(worst)

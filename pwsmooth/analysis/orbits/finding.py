@@ -1,0 +1,297 @@
+"""Periodic orbits near a start: after a transient, in one piece or in segments, checked to repeat.
+
+An orbit whose deviations grow too much to be shot over in one piece takes segments (segments.py): x is then all
+points at which these begin, P their shift map, and Newton's method the same.
+
+Chain: periodic_orbit.py, fixed_points.py, repetition.py -> **orbits** -> continuation.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...definition import checks
+from ...paths.budget import whole
+from ..maps.poincare import Image
+from ..maps.sections import LONGEST, Section, Stroboscopic, poincare_map
+from ..maps.segments import SHORT, TOO_LONG, Shooting, cut, growth, sizes
+from .fixed_points import newton, off_and_size, shot
+from .periodic_orbit import PeriodicOrbit, none_found
+from .repetition import SAME, not_repeated, repeats_after
+
+__all__ = ["find_orbit", "refine"]
+
+_GROWS = 1e2  # over a period
+_NEAR = 1e-2  # relative to the states' size: an orbit so near to the first guess is the one that was meant
+_FEWEST = 8  # segments that begin at one guess
+_RECURRENCE = 1e-5  # a transient that returns so closely is near a periodic orbit
+
+
+@checks.door(
+    system=checks.system, direction=checks.one_of(1, -1), count=checks.optional(checks.integer(1)), phase=checks.number,
+    symmetry=checks.optional(checks.mapping), transient=checks.integer(0, 10**7), most=checks.integer(1),
+    segments=checks.optional(checks.integer(1, 10**4)),
+)  # fmt: skip
+@whole
+def find_orbit(
+    system: Any,
+    x0: Any,
+    *,
+    period: Any = None,
+    section: Any = None,
+    direction: int = 1,
+    count: int | None = None,
+    phase: float = 0.0,
+    symmetry: Mapping[Any, Any] | None = None,
+    transient: int = 0,
+    most: int = 16,
+    segments: int | None = None,
+    **options: Any,
+) -> PeriodicOrbit:
+    """Find a periodic orbit near a start: after a transient, Newton's method on the Poincare map.
+
+    Parameters
+    ----------
+    system : System
+        Event-driven or smoothed.
+    x0 : mapping or sequence of float, length n
+        First guess, on the section or not, in the units of the states.
+    period : float or Expr, in the unit of the model's time
+        Of the forcing; or
+    section : Expr
+        A surface, function of states, for an autonomous system.
+    direction : {1, -1}
+        The section is crossed with its function rising or falling.
+    count : int, optional
+        Forcing periods (returns) of the orbit; found from the transient if not given, 1 without a transient.
+    phase : float, dimensionless
+        The section is t = phase*period; choose one at which nothing switches or sticks.
+    symmetry : mapping of state to Expr, optional
+        (x, t) -> (G x, t + T/2): finds symmetric orbits, also unstable ones, through half a period.
+    transient : int
+        Applications of the map before Newton's method starts.
+    most : int
+        Longest orbit looked for in the transient, in applications of the map.
+    segments : int, optional
+        In how many pieces a period is shot over; by default in one, and in as many as their growth asks for where a
+        multiplier exceeds 1e4 or one piece does not lead to the orbit.
+    **options
+        For `solve`; `max_steps` and `max_seconds` bound the whole search.
+
+    Returns
+    -------
+    PeriodicOrbit
+        With `success` False and a `message` where none was found: also where the point returns after one period but
+        not after the next, as with a memory that counts on. One that repeats sooner than after `count` has its own.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input; neither or both of `period` and `section`.
+
+    Notes
+    -----
+    Newton's method with the exact derivative of the map (variations.py).
+
+    Source: U. Ascher, R. Mattheij, R. Russell, Numerical Solution of Boundary Value Problems for ODEs (1995), ch. 4,
+    for segments.
+
+    Examples
+    --------
+    Den Hartog's oscillator, forced and with Coulomb friction:
+
+    >>> import sympy as sp
+    >>> from pwsmooth import System, find_orbit
+    >>> t, x, v = sp.symbols("t x v", real=True)
+    >>> dry = System({x: v, v: sp.sin(sp.Rational(2, 3)*t) - x - sp.sign(v)/4}, time=t)
+    >>> orbit = find_orbit(dry, {x: 1, v: 0.5}, period=3*sp.pi, symmetry={x: -x, v: -v})
+    >>> orbit.success, len(orbit.word)
+    (True, 1)
+    """
+    if section is not None and symmetry is not None:
+        raise ValueError("`symmetry` belongs to forced systems, together with `period`; leave it out.")
+    more = {} if section is not None else {"phase": phase, "symmetry": symmetry}
+    first = poincare_map(system, period, section, direction, LONGEST, options, count=count or 1, **more)
+    at = np.array(system.initial_state(x0), float)
+    if section is not None:
+        # The guess need not lie on the section: the first return does.
+        reached = first.image(at)
+        if not reached.success:
+            return none_found(first, at, f"from the first guess no return: {reached.reason}")
+        at = reached.x
+    if transient:
+        points, reason = first._iterated(at, transient + 1)
+        if reason:
+            last = np.flatnonzero(np.isfinite(points).all(axis=1))
+            at = points[last[-1]] if last.size else at
+            return none_found(first, at, f"the transient ended after {last.size} of {transient}: {reason}")
+        at = points[-1]
+        if count is None and symmetry is None:
+            first = replace(first, count=_recurrence(points, most))
+    return _refined(first, at, segments)
+
+
+def _recurrence(points: np.ndarray, most: int) -> int:
+    """After how many steps the last point has been nearest before; 1 if never near."""
+    size = 1 + np.abs(points[-1])
+    back = np.array(
+        [np.abs((points[-1] - points[-1 - k]) / size).max() for k in range(1, min(most, len(points) - 1) + 1)]
+    )
+    near = np.flatnonzero(back < _RECURRENCE)
+    return int(near[0]) + 1 if near.size else 1
+
+
+@checks.door(map_=checks.instance((Stroboscopic, Section), "a Stroboscopic or Section"))
+@whole
+def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
+    """Newton's method from a point on the section; the step is shortened while the return does not improve.
+
+    Parameters
+    ----------
+    map_ : Stroboscopic or Section
+        The Poincare map.
+    x0 : mapping or sequence of float, length n
+        First guess, in the units of the states.
+
+    Returns
+    -------
+    PeriodicOrbit
+        With `success` False and a `message` where it did not converge.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.analysis.orbits import refine
+    >>> from pwsmooth.analysis.maps import Stroboscopic
+    >>> t, x = sp.symbols("t x", real=True)
+    >>> orbit = refine(Stroboscopic(System({x: sp.cos(t) - x}, time=t), 2 * sp.pi), {x: 3})
+    >>> orbit.success, round(float(orbit.x[0]), 9)
+    (True, 0.5)
+    """
+    return _refined(map_, np.array(map_.system.initial_state(x0), float))
+
+
+def _refined(map_: Stroboscopic | Section, x: np.ndarray, number: int | None = None) -> PeriodicOrbit:
+    """The orbit near a point: shot over in one piece if it can be and nothing else is asked for."""
+    image = map_.image(x, ())
+    if number is not None and number > 1:
+        return _checked(_in_segments(map_, x, number))
+    if not image.success:
+        return none_found(map_, x, f"the trajectory from the first guess did not return: {image.reason}")
+    orbit = newton(map_, x, image)
+    if number is not None:
+        return _checked(orbit)
+    moved = _distance(orbit.x, x) if orbit.success else math.inf
+    if moved > _NEAR and _leaves(x, image):
+        other = _in_segments(map_, x, None)
+        if other.success and _distance(other.x, x) < moved:
+            return _checked(_in_one_piece(other) or other)
+    if orbit.success and np.abs(orbit.map_multipliers).max(initial=0.0) > TOO_LONG:
+        other = _in_segments(map_, orbit.x, None)
+        orbit = other if other.success else orbit
+    return _checked(orbit)
+
+
+def _distance(a: np.ndarray, b: np.ndarray) -> float:
+    """Of two points, relative to the states' size."""
+    return float(np.abs((a - b) / (1 + np.abs(b))).max(initial=0.0))
+
+
+def _leaves(x: np.ndarray, image: Image) -> bool:
+    """Whether deviations grow so much that Newton's method in one piece follows the trajectory to wherever it goes."""
+    if not np.abs(image.jacobian).max(initial=0.0) > _GROWS:
+        return False
+    return growth(image.jacobian, sizes(image.runs)) > _GROWS
+
+
+def _in_one_piece(orbit: PeriodicOrbit) -> PeriodicOrbit | None:
+    """The orbit without segments, where its multipliers do not ask for them."""
+    if np.abs(orbit.map_multipliers).max(initial=0.0) > SHORT:
+        return None
+    image = orbit.map.image(orbit.x, ())
+    whole = newton(orbit.map, orbit.x, image) if image.success else orbit
+    near = _distance(whole.x, orbit.x) <= SAME
+    return replace(whole, steps=orbit.steps, message=orbit.message) if whole.success and near else None
+
+
+def _in_segments(map_: Stroboscopic | Section, x: np.ndarray, number: int | None) -> PeriodicOrbit:
+    """The orbit near a point, in segments that begin along the trajectory from there, or all at the point itself."""
+    whole, X = Shooting(map_, ((),) * map_.turns), x
+    for _ in range(map_.turns - 1):
+        X = np.append(X, replace(map_, count=1).image(X[-len(x) :]).x)
+    image = whole.image(X, ())
+    if not image.success:
+        return none_found(map_, x, f"the trajectory from the first guess did not return: {image.reason}")
+    guesses: list[tuple[Shooting, np.ndarray, Image, tuple[bool, bool]]] = []
+    for many in (number, number or max(_FEWEST, _grown(whole, image))):
+        if (new := cut(whole, X, image, number=many)) is None:
+            return none_found(map_, x, "the trajectory from the first guess cannot be cut into segments.")
+        cuts, nodes, _, held = new
+        shooting = Shooting(map_, cuts)
+        nodes = nodes if not guesses else np.tile(x, shooting.number)
+        guesses.append((shooting, nodes, shooting.image(nodes, ()), (number is not None, held)))
+    begun = [guess for guess in guesses if guess[2].success]
+    orbit = none_found(map_, x, "the segments from the first guess do not end.")
+    for shooting, nodes, image, kept in sorted(begun, key=lambda guess: off_and_size(guess[1], guess[2])[1]):
+        orbit = newton(shooting, nodes, image, kept)
+        if orbit.success:
+            return orbit if number is not None else _cut_anew(orbit)
+    return orbit
+
+
+def _grown(whole: Shooting, image: Image) -> int:
+    """How many segments a trajectory asks for."""
+    size = sizes(image.runs)
+    return math.ceil(sum(math.log10(max(1.0, growth(A, size))) for A in whole.matrices(image.jacobian)))
+
+
+def _cut_anew(orbit: PeriodicOrbit) -> PeriodicOrbit:
+    """An orbit in segments that suit it, after those that suited the first guess."""
+    assert orbit.segments is not None
+    shooting, X = Shooting(orbit.map, orbit.segments.cuts), orbit.segments.nodes.ravel()
+    new = cut(shooting, X, shooting.image(X, ()))
+    if new is None:
+        return orbit
+    cuts, X, _, held = new
+    other = shot(Shooting(orbit.map, cuts), X, (False, held))
+    return replace(other, steps=orbit.steps, message=orbit.message) if other.success else orbit
+
+
+def _checked(orbit: PeriodicOrbit) -> PeriodicOrbit:
+    """A converged orbit with what is to be said of it: that it does not repeat, is shorter, or not isolated."""
+    if not orbit.success:
+        return orbit
+    if broken := not_repeated(orbit):
+        return replace(orbit, success=False, message=broken)
+    map_, count = orbit.map, repeats_after(orbit)
+    if count < map_.count:
+        shorter = refined_to(orbit, count)
+        said = f" It repeats after {count} of the {map_.count} applications of the map that were asked for."
+        return replace(shorter, message=shorter.message + said) if shorter.success else orbit
+    if not orbit.isolated:
+        return replace(orbit, message=f"{orbit.message} {_NOT_ISOLATED}")
+    return orbit
+
+
+def refined_to(orbit: PeriodicOrbit, count: int, x: np.ndarray | None = None) -> PeriodicOrbit:
+    """The orbit of `count` applications of the map near to the first ones of an orbit (or near to a point x)."""
+    map_ = replace(orbit.map, count=count)
+    if orbit.segments is None:
+        return _refined(map_, orbit.x if x is None else x)
+    shorter = Shooting(map_, orbit.segments.cuts[:count])
+    nodes = orbit.segments.nodes[: shorter.number].copy()
+    if x is not None:
+        nodes[0] = x
+    return _checked(shot(shorter, nodes.ravel(), orbit.segments.kept))
+
+
+_NOT_ISOLATED = (
+    "It is not isolated: a multiplier is 1, so that orbits beside it are periodic too (then this is the one that the "
+    "first guess led to), or it is at a fold or a branch point."
+)
