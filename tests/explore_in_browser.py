@@ -483,7 +483,7 @@ def ending(b: Browser, shots: Path | None) -> None:
         found = subprocess.run(
             ["ps", "-o", "args=", "--ppid", str(run.pid)], capture_output=True, text=True
         ).stdout
-        return found.count("spawn_main")
+        return found.count("explore.processes")
 
     with served("--preset", "figure-8") as (url, run):
         with b.tab(url) as tab:

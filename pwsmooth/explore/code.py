@@ -23,25 +23,23 @@ def script(subject: Subject, asked: Mapping[str, Any]) -> str:
     """Python that gives the orbit of a state bit for bit, and plots the view `for`."""
     p, x0, span = state_of(subject, asked)
     changed = {n: v for n, v in p.items() if v != _own(subject, n)}
+    begin = "solve(system, " if subject.alone else "scene.solve("
+    body = [f"solution = {begin}{span!r}, {x0!r}, parameters={changed!r}, dense_output=True)"]
+    body += [*_plot(subject, asked, changed, x0), "plt.show()"]
+    # What makes the system, between the imports.
+    makes = [line for line in subject.code if line.startswith((subject.what, "#"))]
     lines = ["# What `pwsmooth explore` shows, as a script."]
-    body = [f"solution = scene.solve({span!r}, {x0!r}, parameters={changed!r}, dense_output=True)"]
-    body += _plot(subject, asked, changed, x0)
-    if any("replace(" in line for line in subject.code):
+    if any("replace(" in line for line in makes):
         lines += ["from dataclasses import replace"]
-    lines += [line for line in subject.code if not line.startswith("scene")]
-    if any(" oo" in line for line in subject.code):
+    lines += [line for line in subject.code if line not in makes]
+    lines += ["import matplotlib.pyplot as plt"]
+    if any(" oo" in line for line in makes):
         lines += ["from sympy import oo"]
     if any("np." in line for line in body):
         lines += ["import numpy as np"]
-    imports = [name for name in ("basins", "orbit_diagram") if any(f"{name}(" in line for line in body)]
+    imports = [n for n in ("basins", "orbit_diagram", "solve") if any(f" {n}(" in line for line in body)]
     lines += [f"from pwsmooth import {', '.join(imports)}"] * bool(imports)
-    lines += [
-        "from pwsmooth.plotting import style",
-        "",
-        *(c for c in subject.code if c.startswith("scene")),
-        "",
-    ]
-    return "\n".join([*lines, *body, ""])
+    return "\n".join([*lines, "from pwsmooth.plotting import style", "", *makes, "", *body, ""])
 
 
 def _strobes(subject: Subject, asked: Mapping[str, Any]) -> str:
@@ -59,10 +57,11 @@ def _plot(
 ) -> list[str]:
     """The lines that draw a view."""
     view = asked.get("for", "time")
+    known = f"system = {'system' if subject.alone else 'scene.system'}.with_parameters({dict(p)!r})"
     if view == "diagram":
         low, high, count, name = _diagram(asked)
         return [
-            f"system = scene.system.with_parameters({dict(p)!r})",
+            known,
             "with style():",
             f"    found = orbit_diagram(system, {name!r}, np.linspace({low!r}, {high!r}, {count}), {dict(x0)!r},",
             f"                          {_strobes(subject, asked)}, transient=100, keep=100)",
@@ -73,7 +72,7 @@ def _plot(
         grid = ", ".join(f"{n!r}: np.linspace({a!r}, {b!r}, {count})" for n, (a, b) in zip(axes, ranges))
         rest = {n: v for n, v in x0.items() if n not in axes}
         return [
-            f"system = scene.system.with_parameters({dict(p)!r})",
+            known,
             "with style():",
             f"    found = basins(system, {{{grid}}}, {_strobes(subject, asked)}, start={rest!r})",
             "    ax = found.plot()",

@@ -21,7 +21,7 @@ from .describe import describe
 from .export import standalone
 from .live import state_of
 from .presets import PRESETS, as_asked, preset_of, subject_of_preset, with_preset, with_ranges
-from .processes import SHOWN
+from .processes import SHOWN, packed, refuse_in_a_process_that_begins
 from .state import decoded
 from .subject import USUAL, Made, Subject, named_subject, subject_of, subject_of_study
 
@@ -154,10 +154,14 @@ def explore(
         Bad input, with the argument, its value and the remedy.
     ImportError
         The extra is not installed.
+    RuntimeError
+        The process that calls it runs the script of another one, to have what that defines.
 
     Notes
     -----
-    The page is served on this machine alone, to whoever has its address.
+    The page is served on this machine alone, to whoever has its address. Its processes do not run the script again,
+    unless the system contains functions or classes that the script defines; then the call belongs under
+    ``if __name__ == "__main__":``.
 
     Examples
     --------
@@ -166,10 +170,11 @@ def explore(
     >>> x, v = sp.symbols("x v", real=True)
     >>> block = System({x: v, v: -x - sp.sign(v)})
     >>> explored = explore(block, {x: 3.5, v: 0}, t_span=(0, 10), show=False)
-    >>> explored.solution.itinerary[-1], "scene.solve(" in explored.code()
+    >>> explored.solution.itinerary[-1], "solve(system, " in explored.code()
     ('stick (sgn(v) sliding)', True)
     """
     show = checks.flag(show, "`show`")
+    refuse_in_a_process_that_begins()
     subject = subject_of(
         system_or_scene, x0, t_span=t_span, period=period, ranges=ranges, views=views, noise=noise
     )
@@ -179,6 +184,7 @@ def explore(
     explorer = Explorer(subject)
     if not show:
         return explorer
+    packed(subject)  # what no process can be given is refused here, and not when the page asks
     if "ipykernel" in sys.modules and importlib.util.find_spec("anywidget"):
         from .widget import widget_of
 

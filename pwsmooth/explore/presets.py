@@ -236,12 +236,14 @@ def in_view(subject: Subject, view: str) -> Subject:
     if view == "layered":
         fast = {h.where for h in system.hidden_terms} & {s.name for s in system.states}
         system = system.layered(dict.fromkeys(sorted(fast), sp.oo))
-        code = (*subject.code, f"scene = replace(scene, system=scene.system.layered({{{', '.join(f'{n!r}: oo' for n in sorted(fast))}}}))")  # noqa: E501  # fmt: skip
+        call = f"layered({{{', '.join(f'{n!r}: oo' for n in sorted(fast))}}})"
     elif view == "smoothed":
         system = system.smoothed(subject.eps)
-        code = (*subject.code, f"scene = replace(scene, system=scene.system.smoothed({subject.eps!r}))")
+        call = f"smoothed({subject.eps!r})"
     else:
         raise ValueError(f"the view {view!r} is none of layered, smoothed.")
+    line = f"system = system.{call}" if subject.alone else f"scene = replace(scene, system=scene.system.{call})"
+    code = (*subject.code, line)
     states = {s.name for s in system.states}
     start = {n: v for n, v in subject.start.items() if n in states}
     return replace(subject, system=system, start=start, code=code, name=f"{subject.name}, {view}")

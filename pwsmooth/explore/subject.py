@@ -87,7 +87,9 @@ class Subject:
     atol: Mapping[str, float] = field(default_factory=dict)
     meanings: Mapping[str, str] = field(default_factory=dict)
     note: str = ""
-    code: tuple[str, ...] = ("# scene: yours",)  # lines that make `scene`
+    code: tuple[str, ...] = (
+        "# `scene` is your Scene: define it here, or import it.",
+    )  # lines that make `scene`, or `system` of a System alone
     sketch: Any = None
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     views: tuple[str, ...] = ()
@@ -98,6 +100,12 @@ class Subject:
     eps: float = 1e-2  # of the smoothed view
     noise: Any = None  # Kicks or Diffusion
     read_only: bool = False  # the page looks, and changes nothing
+    alone: bool = False  # a System without a scene
+
+    @property
+    def what(self) -> str:
+        """The name that its code gives it."""
+        return "system" if self.alone else "scene"
 
     @cached_property
     def moving(self) -> tuple[str, ...]:
@@ -175,10 +183,16 @@ def _of_system(system: Any, x0: Any, t_span: Any) -> Subject:
         if given is None:
             raise ValueError(f"a System alone is explored from a start over a span: give `{name}`, {remedy}.")
     start = system.initial_state(x0)
-    return Subject("system", system, dict(zip(map(str, system.states), start)), checks.span(t_span))
+    code = ("# `system` is your System: define it here, or import it.",)
+    named = dict(zip(map(str, system.states), start))
+    return Subject("system", system, named, checks.span(t_span), code=code, alone=True)
 
 
-def _of_scene(scene: Scene, law: Any = None, code: tuple[str, ...] = ("# scene: yours",)) -> Subject:
+def _of_scene(
+    scene: Scene,
+    law: Any = None,
+    code: tuple[str, ...] = ("# `scene` is your Scene: define it here, or import it.",),
+) -> Subject:
     """`law`: an object whose fields tell what parameters mean."""
     law = law or _law_of(scene.name)
     meanings = {f.name: f.metadata["meaning"] for f in fields(law)} if law else {}
@@ -222,13 +236,17 @@ def named_subject(
     """The subject of a scene's name, with a law's, or of 'file.py:name' in `folder`, which is run."""
     if ".py:" in scene:
         what = Names(folder=folder or Path(".")).get(scene, "what is explored")
-        what = what() if callable(what) and not hasattr(what, "model") and not isinstance(what, Scene) else what
+        makes = callable(what) and not hasattr(what, "model") and not isinstance(what, Scene)
+        what = what() if makes else what
         if not isinstance(what, Scene):
             raise StudyError(
                 f"{scene} is no scene. A System needs a start and a span: wrap it, "
                 "Scene(name, system, start, t_span), or call pwsmooth.explore(system, x0, t_span=...)."
             )
-        return _of_scene(what)
+        file, _, name = scene.partition(":")
+        path = file if folder is None else str(folder / file)
+        line = f"scene = run_path({path!r})[{name!r}]{'()' * makes}"
+        return _of_scene(what, code=("from runpy import run_path", line))
     usual = USUAL.get(scene, Made())
     chosen = law or usual.law
     values = dict({} if law else usual.values) | dict(values or {})
@@ -302,8 +320,14 @@ def subject_of_study(path: Path, *, allow_code: bool = False) -> Subject:
     """The subject of a study file: its system, start, period or span."""
     study: Study = read_study(path)
     made = system_of(study.system, Names({}, path.parent if allow_code else None))
+    what = "scene" if isinstance(made, Scene) else "system"
+    code = (
+        "from pathlib import Path",
+        "from pwsmooth.sweep.study import Names, read_study, system_of",
+        f"{what} = system_of(read_study({str(path)!r}).system, Names({{}}, {f'Path({str(path.parent)!r})' * allow_code or None}))",  # noqa: E501
+    )[not allow_code :]  # fmt: skip
     if isinstance(made, Scene):
-        subject = _of_scene(made, None, (f"# scene: that of {path.name}",))
+        subject = _of_scene(made, None, code)
     else:
         if study.t_span is None and study.period is None:
             raise StudyError(f"{path}: give `t_span` or `period`: how long is a run to be?")
@@ -311,7 +335,7 @@ def subject_of_study(path: Path, *, allow_code: bool = False) -> Subject:
         span = study.t_span or (0.0, 20 * float(sp.sympify(period, strict=True).subs(made.parameters)))
         start = made.initial_state(study.start)
         subject = Subject(
-            path.stem, made, dict(zip(map(str, made.states), start)), span, period, dict(study.units),
-            code=(f"# scene: that of {path.name}",),
+            path.stem, made, dict(zip(map(str, made.states), start)), span, period, dict(study.units), code=code,
+            alone=True,
         )  # fmt: skip
     return replace(subject, start={**subject.start, **study.start}) if study.start else subject

@@ -11,6 +11,7 @@ import json
 import math
 import signal
 import time
+import traceback
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -53,6 +54,10 @@ def live(pipe: Any, subject: Subject, asked: Mapping[str, Any], told: str = "") 
                 header, arrays = {"kind": "pong"}, {}
         except (ValueError, TypeError, KeyError) as error:
             header, arrays = {"kind": "refused", "why": str(error.args[0] if error.args else error)}, {}
+        except Exception as error:  # one state must not end what answers all others
+            traceback.print_exc()
+            said = f"{type(error).__name__}: {error}. This is a fault of pwsmooth; the terminal shows where."
+            header, arrays = {"kind": "refused", "why": said}, {}
         with contextlib.suppress(BrokenPipeError):  # the page has gone: the next look at the pipe tells it
             pipe.send_bytes(pack({**header, "seq": message.get("seq", 0), "to": kind}, arrays))
 

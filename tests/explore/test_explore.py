@@ -4,6 +4,7 @@ import base64
 import http.client
 import importlib.resources
 import json
+import os
 import re
 import signal
 import subprocess
@@ -30,6 +31,7 @@ from pwsmooth.explore import (
     processes,
     state,
     subject,
+    worker,
 )
 from pwsmooth.explore.code import figure, script
 from pwsmooth.explore.server import PAGES, Server
@@ -208,6 +210,45 @@ def test_the_script_of_a_preset_gives_the_orbit_bit_for_bit(name):
     exec(compile(text, "script", "exec"), names)  # what the page gives to be run
     np.testing.assert_array_equal(names["solution"].x, current.solution.x)
     np.testing.assert_array_equal(names["solution"].t, current.solution.t)
+    matplotlib.pyplot.close("all")
+
+
+@pytest.mark.parametrize("view", ["", "smoothed"])
+@pytest.mark.parametrize("drawn", ["time", "phase", "layer", "diagram", "basins"])
+def test_the_script_of_a_system_runs_and_shows_its_plot(view, drawn, monkeypatch):
+    shown = []
+    monkeypatch.setattr(matplotlib.pyplot, "show", lambda: shown.append(matplotlib.pyplot.get_fignums()))
+    system = System({x: v, v: sp.cos(t) - k * x - sp.sign(v) / 4}, time=t, parameters={k: 2})
+    seen = presets.in_view(subject.subject_of(system, {x: 1, v: 0}, t_span=(0, 9), period=2 * sp.pi), view)
+    state = asked(seen, p={"k": 2.5}, switch="sgn(v)", cursor=3.0, parameter="k", range=[2.0, 2.1], columns=3,
+                  axes=["x", "v"], ranges=[[0, 1], [0, 1]], cells=2)  # fmt: skip
+    if view and drawn == "layer":
+        return  # it has none
+    names = {"system": system}
+    exec(compile(script(seen, {**state, "for": drawn}), "script", "exec"), names)
+    np.testing.assert_array_equal(names["solution"].x, seen.solve((0, 9), seen.start, {"k": 2.5}).x)
+    assert len(shown) == 1 and shown[0]
+    matplotlib.pyplot.close("all")
+
+
+@pytest.mark.parametrize("what", ["scene", "system"])
+def test_the_script_of_a_file_makes_its_system(tmp_path, monkeypatch, what):
+    monkeypatch.setattr(matplotlib.pyplot, "show", lambda: None)
+    (tmp_path / "own.py").write_text(
+        "import sympy as sp\nfrom pwsmooth import System\nfrom pwsmooth.scenes import Scene\n"
+        "x, v = sp.symbols('x v', real=True)\nsystem = System({x: v, v: -x - sp.sign(v)})\n"
+        "def scene():\n    return Scene('own', system, {'x': 3.5, 'v': 0.0}, (0, 10))\n"
+    )
+    study = tmp_path / "study.toml"
+    study.write_text(f't_span = [0, 10]\nmeasures = ["extremes(x)"]\nstart = {{x = 3.5, v = 0.0}}\n[axes]\nx = [1.0]\n'
+                     f'[system]\nobject = "own.py:{what}"\n')  # fmt: skip
+    opened = [subject.subject_of_study(study, allow_code=True)]
+    if what == "scene":
+        opened.append(subject.named_subject("own.py:scene", folder=tmp_path))
+    for made in opened:
+        names = {}
+        exec(compile(script(made, {"names": ["x"]}), "script", "exec"), names)
+        np.testing.assert_array_equal(names["solution"].x, made.solve(made.t_span, made.start, {}).x)
     matplotlib.pyplot.close("all")
 
 
@@ -629,9 +670,9 @@ def test_a_page_gets_answers_the_newest_of_each_and_its_processes_end_with_it(se
     processes = [page.workers.live.process, page.workers.maps.process]
     made.close()
     until = time.monotonic() + 5
-    while time.monotonic() < until and (served.pages or any(p.is_alive() for p in processes)):
+    while time.monotonic() < until and (served.pages or any(p.poll() is None for p in processes)):
         time.sleep(0.05)
-    assert not served.pages and not any(p.is_alive() for p in processes)
+    assert not served.pages and not any(p.poll() is None for p in processes)
 
 
 def test_a_page_that_only_looks_changes_nothing(oscillator, monkeypatch):
@@ -675,7 +716,7 @@ def test_a_law_may_take_longer_to_compile_than_a_picture(oscillator, monkeypatch
 
     class Slow:
         def __init__(self, target, subject, heard):
-            self.asked, self.process = None, SimpleNamespace(is_alive=lambda: True)
+            self.asked, self.alive = None, True
             started.append(self)
 
         def send(self, message, awaited=True):
@@ -723,6 +764,69 @@ def test_ctrl_c_ends_everything_with_code_0(tmp_path):
     assert "http://127.0.0.1:" in line and "#t=" in line
     run.send_signal(signal.SIGINT)
     assert run.wait(10) == 0
+
+
+SCRIPT = """import sympy as sp
+from pwsmooth import Kicks, System, explore
+{}
+x, y = sp.symbols("x y", real=True)
+relay = System({{x: y, y: -x / 5 - sp.sign(x + y / 2)}})
+{}explore(relay, {{x: 1, y: 0}}, t_span=(0, 20), noise={})"""
+OWN = "class Mine(Kicks): pass"  # what a process of the page has to run the script for
+
+
+def page_of(folder, text, way):
+    """The process of a script with a page, run as a file, as `python -c` or from its input; and the lines it prints."""
+    path = folder / "own.py"
+    path.write_text(text)
+    arguments, given = {"file": ([path], None), "-c": (["-c", text], None), "input": (["-"], path.open())}[way]
+    pipes = dict(stdin=given, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    environment = {**os.environ, "BROWSER": "true"}
+    return subprocess.Popen([sys.executable, "-u", *arguments], **pipes, cwd=folder, env=environment)
+
+
+def first_answers(run):
+    """What a page of this process hears until it is ready or is told that it ends."""
+    from websockets.sync.client import connect
+
+    host, token = re.search(r"http://(\S+)/#t=(\S+)", run.stdout.readline()).groups()
+    with connect(f"ws://{host}/socket", origin=f"http://{host}", max_size=None) as made:
+        made.send(json.dumps({"token": token, "state": ""}))
+        kinds = []
+        while not kinds or kinds[-1] not in ("ready", "killed"):
+            kinds.append(frames.unpack(made.recv(timeout=120))[0]["kind"])
+    run.send_signal(signal.SIGINT)
+    said, trouble = run.communicate(timeout=20)
+    return kinds, said, trouble
+
+
+@pytest.mark.parametrize("way", ["file", "-c", "input"])
+def test_a_script_without_a_guard_has_one_page_that_answers(tmp_path, way):
+    kinds, said, trouble = first_answers(page_of(tmp_path, SCRIPT.format("", "", None), way))
+    assert kinds == ["scene", "ready"] and "http" not in said and not trouble
+
+
+def test_a_script_is_run_again_for_what_it_defines_and_must_guard_its_page(tmp_path):
+    noise = "Mine(1e-3, 1.0, on=('y',), seed=1)"
+    guarded = SCRIPT.format(OWN, 'if __name__ == "__main__": ', noise)
+    assert first_answers(page_of(tmp_path, guarded, "file"))[0] == ["scene", "ready"]
+    kinds, said, trouble = first_answers(page_of(tmp_path, SCRIPT.format(OWN, "", noise), "file"))
+    assert kinds == ["killed"] and "http" not in said
+    assert "RuntimeError: explore() is called by a process" in trouble and "__name__ ==" in trouble
+    for way in ("-c", "input"):  # where there is no file to run
+        _, trouble = page_of(tmp_path, SCRIPT.format(OWN, "", noise), way).communicate(timeout=60)
+        assert "ValueError" in trouble and "define it in a module" in trouble
+
+
+def test_a_fault_at_one_state_does_not_end_what_answers_the_others(oscillator, monkeypatch, capsys):
+    heard, asked_for = [], iter([{"kind": "sentence", "seq": 1}, {"kind": "nothing", "seq": 2}])
+    monkeypatch.setattr(live.Live, "sentence", lambda self: [][len(heard)])
+    pipe = SimpleNamespace(send_bytes=lambda frame: heard.append(frames.unpack(frame)[0]), poll=lambda: False,
+                           recv_bytes=lambda: json.dumps(next(asked_for)).encode())  # fmt: skip
+    with pytest.raises((StopIteration, RuntimeError)):
+        worker.live(pipe, oscillator, {})
+    assert heard[-2]["kind"] == "refused" and "IndexError" in heard[-2]["why"] and heard[-1]["kind"] == "pong"
+    assert "IndexError" in capsys.readouterr().err
 
 
 def test_without_the_extra_the_command_names_it(monkeypatch):
