@@ -48,6 +48,17 @@ SHOWN = (
 )  # fmt: skip
 
 
+# A chart for a first look: scenes on which different methods come second, or first.
+FEW_CASES = {
+    "hidden": "static friction",
+    "relay": "a relay that slides for long",
+    "lugre": "LuGre's law, stiff",
+}
+FEW_METHODS = (
+    "event-driven", "event-driven, stiff", "smoothed, algebraic", "heyoka, events", "numbalsoda DOP853, events",
+    "DOP853, restarted", "Moreau-Jean",
+)  # fmt: skip
+
 LEFT_OUT = ("smoothed, tanh", "RK45, restarted", "DOP853, bare sign", "diffrax, bare sign", "nosnoc, 2 stages")
 
 
@@ -123,7 +134,23 @@ def draw(data):
     if any(", order" in p.method for p in points):
         figures["orders"] = orders(points)
     figures["eps"] = widths(points)
+    if not set(FEW_CASES) - set(cases):
+        figures["short"] = few(points)
     return figures
+
+
+def few(points):
+    """Three scenes and seven methods, named at the top."""
+    figure = new_figure(7.0, 2.9)
+    panels = figure.subplots(1, len(FEW_CASES), sharey=True)
+    for axes, (case, title) in zip(panels, FEW_CASES.items()):
+        plot_work(points.of(case), axes, methods=FEW_METHODS, label=False)
+        axes.set(title=title, xlabel="processor time (s)", ylabel="")
+    panels[0].set(ylabel="error of the state, relative", ylim=(3e-17, 10))
+    panels[0].yaxis.set_major_locator(LogLocator(numticks=7))
+    named = {label: handle for axes in panels for handle, label in zip(*axes.get_legend_handles_labels())}
+    figure.legend(named.values(), named, loc="outside upper center", ncols=4)
+    return figure
 
 
 def grid(points, cases, work, data):

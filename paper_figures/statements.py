@@ -18,6 +18,14 @@ SOURCES = {
 }
 RESULTS = Path(__file__).resolve().parent.parent / "experiments" / "results"
 NOT_TESTED, PLAIN = "not tested", "plain from the formula"
+MEANINGS = {
+    ORIGINS["printed"].good: "a source prints it, and its equations give it",
+    ORIGINS["printed"].bad: "a source prints it, and its equations give something else",
+    ORIGINS["reconstruction"].good: "on equations that had to be reconstructed, which give it",
+    ORIGINS["reconstruction"].bad: "on equations that had to be reconstructed, which give something else",
+    PLAIN: "its formula leaves no other answer",
+    NOT_TESTED: "no claim tests it; the reason stands in its place",
+}
 RECONSTRUCTED = "chapter 4"  # of the thesis: its equations are not in the excerpt
 
 
@@ -90,20 +98,10 @@ def counts(found):
     return result
 
 
-def sentence(found):
-    """The counts of all sources in words: what the README and the pages say."""
-    total = {}
+def overall(found):
+    """Verdict -> number of the statements of all sources, in the order of MEANINGS."""
+    total = dict.fromkeys(MEANINGS, 0)
     for words in counts(found).values():
         for word, number in words.items():
-            total[word] = total.get(word, 0) + number
-    printed, rebuilt = ORIGINS["printed"], ORIGINS["reconstruction"]
-
-    def of(*words):
-        return sum(total.get(word, 0) for word in words)
-
-    return (
-        f"Of {of(printed.good, printed.bad)} printed statements of the sources that are tested, {of(printed.good)} are "
-        f"reproduced and {of(printed.bad)} differ; of {of(rebuilt.good, rebuilt.bad)} on equations that had to be "
-        f"reconstructed, {of(rebuilt.good)} are shown; {of(PLAIN)} are plain from their formulas, and "
-        f"{of(NOT_TESTED)} are not tested."
-    )
+            total[word] += number
+    return total

@@ -145,9 +145,12 @@ def _write_statements(found: dict[str, dict], stems: dict[str, str], note: str) 
     known = statements.records(found)
     parts = [
         "# What the sources say\n",
-        f"**{statements.sentence(known)}** A statement is held against the claims of figures and studies that test it, "
-        "and counts as reproduced if all of these hold; where none tests it, the reason stands in its place. "
+        "Figures and studies make claims that test a statement. It is reproduced if all of its claims hold. "
         f"The claims with their values: [replication report](replication.md).\n{note}",
+        table(
+            ("verdict", "statements", "what it means"),
+            ((word, number, statements.MEANINGS[word]) for word, number in statements.overall(known).items()),
+        ),
         table(
             ("source", "verdicts"),
             (

@@ -51,8 +51,8 @@ SPEED = {"An error of 1e-6 costs least by events", "A period in the plane costs 
 MISPRINTS = {"statements_solid_friction": 11, "statements_friction_contact": 1}
 STUDIES = [
     "avalanches", "capture_bifurcation", "capture_exponents", "capture_map", "contact_laws", "continuum", "drive_map",
-    "fronts", "gradient_optimum", "ladder", "noise_recapture", "planar_friction", "propositions", "rest_limit",
-    "symmetry_breaking", "wider_circle", *MISPRINTS,
+    "fronts", "gradient_optimum", "ladder", "noise_recapture", "other_tools", "planar_friction", "propositions",
+    "rest_limit", "symmetry_breaking", "wider_circle", *MISPRINTS,
 ]  # fmt: skip
 
 
