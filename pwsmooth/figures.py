@@ -16,6 +16,7 @@ import traceback
 from collections.abc import Generator, Iterable, Sequence
 from concurrent.futures import BrokenExecutor, Future
 from contextlib import closing
+from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -46,8 +47,9 @@ def checkout() -> Path:
         if (root / "paper_figures").is_dir() and (root / "pyproject.toml").is_file():
             return root
     raise FiguresError(
-        "the scripts of the figures are not part of the installed package. Run this in a checkout of the "
-        "project, installed with `pip install -e .`"
+        "the figures are drawn by scripts of the source archive, which a wheel lacks. Unpack the archive "
+        f"(pwsmooth-{version('pwsmooth')}.tar.gz) or clone the repository, and run this in it: "
+        "pip install -e . && pwsmooth figures"
     )
 
 

@@ -87,7 +87,7 @@ def main() -> int:
             dist, wheel = given.wheel.resolve().parent, given.wheel.resolve()
         else:
             dist = work / "dist"
-            run(tools / "python", "-m", "build", "--outdir", dist, ROOT)
+            run(tools / "python", "-m", "build", "-C", "core=compiled", "--outdir", dist, ROOT)
             wheel = next(dist.glob("*.whl"))
         sdist = next(dist.glob("*.tar.gz"))
         with tarfile.open(sdist) as content:
