@@ -11,6 +11,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
+from .definition import checks
+
 __all__ = ["Claim", "counted", "tally"]
 
 
@@ -32,6 +34,7 @@ ORIGINS = {
 }
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Claim:
     """A statement beside what the equations give here.
@@ -143,6 +146,7 @@ class Claim:
         return {"claim": fields.pop("statement"), **fields, "holds": bool(self.holds), "verdict": self.verdict}
 
 
+@checks.door()
 def tally(claims: Iterable[Mapping[str, Any]]) -> dict[str, tuple[int, int]]:
     """How many claims of each origin hold, and how many do not.
 
@@ -168,6 +172,7 @@ def tally(claims: Iterable[Mapping[str, Any]]) -> dict[str, tuple[int, int]]:
     return {origin: (good, bad) for origin, (good, bad) in found.items() if good or bad}
 
 
+@checks.door()
 def counted(claims: Iterable[Mapping[str, Any]]) -> str:
     """How many hold, in words.
 

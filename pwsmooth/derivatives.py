@@ -236,6 +236,7 @@ def _once(method: Callable[[Any], Any]) -> Any:
     return property(functools.wraps(method)(value))
 
 
+@checks.door()
 class Derivatives(Described):
     """How a run moves with k quantities: d(state)/dq at its times and between them, d(event)/dq, d(output)/dq.
 

@@ -23,6 +23,7 @@ from typing import Any
 
 from .claims import Claim, print_claims
 from .codegen.machine.workers import cores
+from .definition import checks
 from .paths.interrupts import processes, result
 from .paths.warmup import warm_up
 from .results.files import PARTIAL, write_whole
@@ -53,6 +54,7 @@ def checkout() -> Path:
     )
 
 
+@checks.door()
 def discover(names: Iterable[str] = ()) -> dict[str, ModuleType]:
     """Modules of the figures by name, in the order of their numbers.
 
@@ -118,6 +120,7 @@ def print_list() -> None:
         console.print(f"{name:>3}  {module.TITLE}", highlight=False, soft_wrap=True)
 
 
+@checks.door()
 def make(
     names: Sequence[str] = (), *, out: Path, fast: bool = False, jobs: int | None = 1, everything: bool = False
 ) -> bool:

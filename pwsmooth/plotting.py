@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from .definition import checks
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -106,6 +108,7 @@ def style() -> Iterator[None]:
         rcParams.update(before)
 
 
+@checks.door()
 def new_figure(width: float = 7.0, height: float = 3.0) -> Figure:
     """An empty figure that needs no display and lays itself out.
 
@@ -130,6 +133,7 @@ def new_figure(width: float = 7.0, height: float = 3.0) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
+@checks.door()
 def phase(status: int) -> str:
     """Key of `COLOUR` for the status of a switch.
 
@@ -152,6 +156,7 @@ def phase(status: int) -> str:
     return {1: "right", -1: "left", 0: "stick"}[int(status)]
 
 
+@checks.door()
 def sticking_regions(
     ax: Axes,
     t: np.ndarray,
@@ -198,6 +203,7 @@ def sticking_regions(
     return ax
 
 
+@checks.door()
 def by_phase(ax: Any, status: np.ndarray, *coordinates: np.ndarray, **line: Any) -> Any:
     """Draw one curve in the colours of its phases, sticking thicker than slip, which grey print shows too.
 
@@ -239,6 +245,7 @@ def by_phase(ax: Any, status: np.ndarray, *coordinates: np.ndarray, **line: Any)
     return ax
 
 
+@checks.door()
 def direction_arrows(
     ax: Axes,
     x: np.ndarray,
@@ -314,6 +321,7 @@ class _Run(Protocol):
     def sample(self, points: int = ..., names: Any = None) -> Any: ...
 
 
+@checks.door()
 def plot_solution(sol: _Run, names: Sequence[Any] | None = None, axes: Any = None) -> np.ndarray:
     """Draw states (or `names`) against time, one Axes each, with the intervals shaded in which a multiplier is solved.
 
@@ -365,6 +373,7 @@ def plot_solution(sol: _Run, names: Sequence[Any] | None = None, axes: Any = Non
     return panels
 
 
+@checks.door()
 def plot_phase(sol: _Run, names: Sequence[Any], axes: Any = None) -> np.ndarray:
     """Draw two names against each other, in the colours of the first switch or contact that changes.
 
@@ -414,6 +423,7 @@ def plot_phase(sol: _Run, names: Sequence[Any], axes: Any = None) -> np.ndarray:
     return panels
 
 
+@checks.door()
 def plot_layer(sol: _Run, switch: Any = None, t: float | None = None, ax: Any = None) -> Axes:
     """Draw the field in which a multiplier moves through its layer: what decides whether a solution crosses or stays.
 

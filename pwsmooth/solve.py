@@ -24,6 +24,7 @@ from .paths.parts import threads_for
 from .results.solution import Outcome, Solution
 
 
+@checks.door()
 def solve(
     system: Any,
     t_span: Sequence[float],

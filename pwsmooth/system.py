@@ -85,6 +85,7 @@ class View(NamedTuple):
     arguments: dict  # of the method of that kind, which made it
 
 
+@checks.door()
 class System(DescribedSystem):
     """A piecewise-smooth system of differential equations, dx/dt = f(t, x, lambda; p).
 
@@ -204,6 +205,7 @@ class System(DescribedSystem):
         self._cache: dict = {}  # of views: their fields and models; what their initial states are read by
 
     @classmethod
+    @checks.door(("events", "algebraic", "drives"))
     def from_mechanics(cls, method, *, friction=None, contacts=(), parameters=None, outputs=None, **arguments):
         """The System of a mechanism that is written with `sympy.physics.mechanics`.
 

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from ..definition import checks
+from ..definition import calls, checks
 from ..definition.describe import Described, Rows, listed
 from ..paths.budget import opened, whole
 from ..paths.growth import growth
@@ -36,6 +36,7 @@ _PIECES = 20  # means over as many parts of the run give the error
 _CHUNK = 500.0  # time whose polynomials are kept at once
 
 
+@checks.door()
 @dataclass(frozen=True, repr=False)
 class LyapunovExponents(Described):
     """Exponents, largest first, and how well the run determines them.
@@ -242,7 +243,13 @@ def largest_exponent(solution: Solution, after: float | None = None) -> float:
     return float(frame.means(begin, end, solution.outcome).exponents[0])
 
 
-@checks.door(system=checks.system, time=checks.positive, transient=checks.nonnegative, start_time=checks.number)
+@checks.door(
+    (*calls.RUNS, "parameters"),
+    system=checks.system,
+    time=checks.positive,
+    transient=checks.nonnegative,
+    start_time=checks.number,
+)
 @whole
 def lyapunov_exponents(
     system: Any,
@@ -305,8 +312,6 @@ def lyapunov_exponents(
             f"`time` is {time:g}: with `start_time` {start_time:g} and `transient` {transient:g} the run ends at t = "
             f"{last:g}, where floats are {math.ulp(last):g} apart; give less."
         )
-    if (values := options.pop("parameters", None)) is not None:
-        system = system.with_parameters(values)
     x = system.initial_state(x0, start_time)
     count = checks.whole(count, "`count`", 1, len(x))
     first = start_time + transient

@@ -22,7 +22,7 @@ import sympy as sp
 from sympy.core.relational import GreaterThan, LessThan, StrictGreaterThan, StrictLessThan
 from sympy.logic.boolalg import BooleanAtom
 
-from ..definition import checks
+from ..definition import calls, checks
 from ..derivatives import START_TIME, NoDerivative
 from .minimum import HELD, Evaluation, Minimum
 from .objective import Objective
@@ -40,6 +40,7 @@ _SIGNS = {GreaterThan: 1, StrictGreaterThan: 1, LessThan: -1, StrictLessThan: -1
 
 
 @checks.door(
+    (*calls.STEPS, "parameters"),
     bounds=checks.optional(checks.mapping), max_evaluations=checks.integer(1),
     method=checks.optional(checks.one_of("SLSQP", "trust-constr", "L-BFGS-B")),
     max_seconds=checks.optional(checks.positive), progress=checks.optional(checks.flag),
@@ -127,8 +128,6 @@ def minimise(
     ([6.0, 0.0, -6.0], 12.0)
     """
     system = checks.system(system, "`system`")._written_out()
-    if "parameters" in options:
-        system = system.with_parameters(options.pop("parameters"))
     span = checks.span(t_span)
     names, guesses = _unknowns(system, over)
     relations = _relations(constraints)

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..definition import checks
 from ..definition.describe import Described, Rows, values
 from ..derivatives import NoDerivative
 from ..solve import solve
@@ -51,6 +52,7 @@ class Evaluation(NamedTuple):
     violation: float
 
 
+@checks.door()
 class Minimum(Described):
     """The least cost that was found; `minimise` makes it.
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..definition import checks
+from ..definition import calls, checks
 from ..definition.lambdified import numpy_function
 from ..derivatives import quantities
 from ..paths.budget import MOST_STEPS, opened
@@ -22,6 +22,7 @@ _MOST = 2**26
 _INSIDE = "at", "misfit", "largest", "smallest"  # what is looked for between the ends of steps
 
 
+@checks.door()
 class Objective:
     """A cost as a function of quantities, with its gradient: ``objective(q)`` gives both, as optimisers take them.
 
@@ -67,6 +68,7 @@ class Objective:
     1.000000 [-0.632121, 1.0]
     """
 
+    @checks.door((*calls.RUNS, "noise", "parameters"))
     def __init__(
         self, system: Any, cost: Any, t_span: Sequence[float], x0: Any, with_respect_to: Sequence[Any], **options: Any
     ) -> None:  # fmt: skip
@@ -87,8 +89,6 @@ class Objective:
     ) -> None:  # fmt: skip
         checks.system(system, "`system`")
         system = system._written_out()
-        if "parameters" in options:
-            system = system.with_parameters(options.pop("parameters"))
         costs = {what: checks.expression(cost, what) for what, cost in costs.items()}
         symbols = set().union(*(cost.free_symbols for cost in costs.values()))
         found = sorted((s for s in symbols if isinstance(s, Quantity)), key=str)
@@ -282,6 +282,7 @@ class _Cut:
         return self.ready.again(self.begun[k], self.spending)
 
 
+@checks.door((*calls.RUNS, "noise", "parameters"))
 def value_and_gradient(
     system: Any, cost: Any, t_span: Sequence[float], x0: Mapping[Any, float] | Sequence[float], *,
     with_respect_to: Sequence[Any], **options: Any,

@@ -10,6 +10,7 @@ import sympy as sp
 from ..definition import checks
 
 
+@checks.door()
 class Quantity(sp.Symbol):
     """A number that a run gives, as a symbol: expressions of such symbols and of parameters are costs.
 
@@ -69,6 +70,7 @@ def _expression(e: Any) -> sp.Expr:
     return checks.expression(e, "`expression`")
 
 
+@checks.door()
 def integral(expression: Any) -> Quantity:
     """The integral of an expression over the span, to the tolerance of the run.
 
@@ -96,6 +98,7 @@ def integral(expression: Any) -> Quantity:
     return Quantity("integral", _expression(expression))
 
 
+@checks.door()
 def final(expression: Any) -> Quantity:
     """An expression at the end of the span.
 
@@ -123,6 +126,7 @@ def final(expression: Any) -> Quantity:
     return Quantity("final", _expression(expression))
 
 
+@checks.door()
 def at(expression: Any, time: float) -> Quantity:
     """An expression at a time, at an event on the side after it.
 
@@ -157,6 +161,7 @@ def _event(switch: Any, kind: str | None, number: int) -> tuple[str, str | None,
     return str(checks.key(switch, "`switch`")), kind, checks.whole(number, "`number`", 0)
 
 
+@checks.door()
 def event_time(switch: Any, kind: str | None = None, number: int = 0) -> Quantity:
     """The time of an event.
 
@@ -188,6 +193,7 @@ def event_time(switch: Any, kind: str | None = None, number: int = 0) -> Quantit
     return Quantity("event_time", None, _event(switch, kind, number))
 
 
+@checks.door()
 def at_event(
     expression: Any, switch: Any, kind: str | None = None, number: int = 0, after: bool = False
 ) -> Quantity:
@@ -233,6 +239,7 @@ def _window(kind: str, expression: Any, start: float | None, end: float | None) 
     return Quantity(kind, _expression(expression), tuple(ends))
 
 
+@checks.door()
 def largest(expression: Any, start: float | None = None, end: float | None = None) -> Quantity:
     """The largest value of an expression over a window; its slopes are those where it is taken (envelope theorem).
 
@@ -262,6 +269,7 @@ def largest(expression: Any, start: float | None = None, end: float | None = Non
     return _window("largest", expression, start, end)
 
 
+@checks.door()
 def smallest(expression: Any, start: float | None = None, end: float | None = None) -> Quantity:
     """The smallest value of an expression over a window, as `largest`.
 
@@ -291,6 +299,7 @@ def smallest(expression: Any, start: float | None = None, end: float | None = No
     return _window("smallest", expression, start, end)
 
 
+@checks.door()
 def duration(switch: Any) -> Quantity:
     """How long a switch slides, sticking friction sticks, a contact is closed, over the span.
 
@@ -318,6 +327,7 @@ def duration(switch: Any) -> Quantity:
     return Quantity("duration", None, (str(checks.key(switch, "`switch`")),))
 
 
+@checks.door()
 def misfit(expression: Any, times: Any, values: Any, sigma: Any = 1.0) -> Quantity:
     """The sum of squares of (expression - value)/sigma over data.
 

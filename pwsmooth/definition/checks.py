@@ -7,12 +7,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import inspect
 import math
 import operator
 import os
 import reprlib
+import types
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
@@ -21,7 +23,7 @@ import numpy as np
 import sympy as sp
 from sympy.core.function import AppliedUndef
 
-from . import formula
+from . import calls, formula
 
 _PREDICATES = {  # of a number, or of an array of them
     "positive": lambda v: v > 0,
@@ -39,32 +41,99 @@ _PREDICATES = {  # of a number, or of an array of them
 }
 
 
+ASSUMPTIONS = tuple(sp.Symbol("x", zero=True).assumptions0)  # all names that sympy knows of a number
 P = ParamSpec("P")
 R = TypeVar("R")
+F = TypeVar("F")
 Check = Callable[[Any, str], Any]
 _HUGE = 2**1023  # near the largest float
 
 
-def door(**tests: Check) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Decorator: each named argument that is given passes its test before the function is called."""
+def door(options: Iterable[str] | None = None, /, **tests: Check) -> Callable[[F], F]:
+    """Decorator of what a user calls: a misspelt, missing or surplus argument is refused in words, before all else.
 
-    def decorate(function: Callable[P, R]) -> Callable[P, R]:
-        signature = inspect.signature(function)
+    Each argument that is named here and given passes its test. `options` are the names that a function with
+    ``**options`` passes on; "parameters" among them become those of its `system`. Of a class the constructor and every
+    public method are such calls.
+    """
 
-        @functools.wraps(function)
-        def checked(*args: P.args, **kwargs: P.kwargs) -> R:
-            try:
-                given = signature.bind(*args, **kwargs)
-            except TypeError:
-                return function(*args, **kwargs)  # which says it with its own name
-            for name, test in tests.items():
-                if name in given.arguments:
-                    given.arguments[name] = test(given.arguments[name], f"`{name}`")
-            return function(*given.args, **given.kwargs)
-
-        return checked
+    def decorate(target: Any) -> Any:
+        if isinstance(target, type):
+            return _with_doors(target)
+        return _checked(target, options, tests) if tests or options else _called(target)
 
     return decorate
+
+
+def _called(function):
+    """The function, whose calls that do not fit its signature are refused in words; any other costs a frame."""
+
+    @functools.wraps(function)
+    def called(*args, **kwargs):
+        try:
+            return function(*args, **kwargs)
+        except TypeError as error:
+            inside = error.__traceback__ and error.__traceback__.tb_next
+            if inside is None and (misfit := calls.misfit(function, args, kwargs)):
+                raise misfit from None
+            raise
+
+    called.is_door = True
+    return called
+
+
+def _checked(function, options, tests):
+    """The function behind the tests of its arguments."""
+    signature = inspect.signature(function)
+    names = signature.parameters
+    spread = next((p.name for p in names.values() if p.kind is p.VAR_KEYWORD), None)
+    known = None if spread is None or options is None else frozenset((*names, *options)) - {spread}
+    pinned = known is not None and "system" in names and "parameters" in known and "parameters" not in names
+
+    @functools.wraps(function)
+    def checked(*args, **kwargs):
+        try:
+            given = signature.bind(*args, **kwargs)
+        except TypeError:
+            raise calls.misfit(function, args, kwargs, known) from None
+        if known is not None and not kwargs.keys() <= known:
+            raise calls.misfit(function, args, kwargs, known)
+        arguments = given.arguments
+        for name, test in tests.items():
+            if name in arguments:
+                arguments[name] = test(arguments[name], f"`{name}`")
+        if pinned and "parameters" in kwargs:
+            values = arguments[spread].pop("parameters")
+            if values is not None:
+                arguments["system"] = _with_parameters(arguments["system"], values)
+        return function(*given.args, **given.kwargs)
+
+    checked.is_door = True
+    return checked
+
+
+def _with_parameters(subject, values):
+    """A system, or the scene of one, with other values of parameters."""
+    if hasattr(subject, "system") and hasattr(subject, "start"):
+        return dataclasses.replace(subject, system=_with_parameters(subject.system, values))
+    return system(subject, "`system`").with_parameters(values)
+
+
+def _with_doors(cls):
+    """The class, with doors at its constructor and its public methods, those of its private bases too."""
+    constructor = "__init__" if "__init__" in vars(cls) else "__new__"
+    fields = getattr(cls, "__dataclass_fields__", ())  # a function as the default of one is no method
+    for owner in cls.__mro__:
+        if owner is not cls and not owner.__name__.startswith("_"):
+            continue
+        for name, value in list(vars(owner).items()):
+            if name in fields or (name.startswith("_") and name not in (constructor, "__call__")):
+                continue
+            kind = type(value) if isinstance(value, (classmethod, staticmethod)) else None
+            function = value.__func__ if kind else value
+            if isinstance(function, types.FunctionType) and not hasattr(function, "is_door"):
+                setattr(owner, name, kind(_called(function)) if kind else _called(function))
+    return cls
 
 
 def closed_form(function: Callable[P, R]) -> Callable[P, R]:
@@ -286,6 +355,14 @@ def values(value, what):
     """A mapping of Symbols or names to numbers, as name -> float."""
     given = mapping(value, what, "Symbols or names to numbers")
     return {str(named(key)): number(entry, f"{what}, value of {key}") for key, entry in given.items()}
+
+
+def run_options(value, what):
+    """A mapping of options of solve() that all runs of a map may have."""
+    for option in (given := mapping(value, what, "options of solve to values")):
+        if option not in calls.RUNS:
+            raise ValueError(f"{what} has {shown(option)}: {calls.remedy(option, calls.RUNS)}")
+    return given
 
 
 def pairs(value, what, least=1):

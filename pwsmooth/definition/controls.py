@@ -29,6 +29,7 @@ class Meaning(NamedTuple):
     parameters: dict[sp.Symbol, float]
 
 
+@checks.door()
 class Control(sp.Symbol):
     """An input that is a polynomial on each piece of a grid: a symbol in the rates, its numbers parameters.
 

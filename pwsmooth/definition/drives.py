@@ -21,6 +21,7 @@ from .primitives import Memory
 KINDS = ("spline", "line", "hold")
 
 
+@checks.door()
 class Drive:
     """A sampled input, for `System(drives={name: Drive(times, values)})`.
 

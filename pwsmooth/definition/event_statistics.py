@@ -24,6 +24,7 @@ def _edges(value: Any) -> tuple[float, ...]:
     return tuple(edges.tolist())
 
 
+@checks.door()
 @dataclass(frozen=True, eq=False)
 class Histogram:
     """Counts of events, by the time since the last one of their element or by a state of it, and the largest of them.
@@ -67,6 +68,7 @@ class Histogram:
         object.__setattr__(self, "edges", _edges(self.edges))
 
 
+@checks.door()
 @dataclass(frozen=True, eq=False)
 class SlipHistogram:
     """Counts of slips or of avalanches, by their size, and the largest of them.
@@ -126,6 +128,7 @@ class SlipHistogram:
         object.__setattr__(self, "edges", _edges(self.edges))
 
 
+@checks.door()
 @dataclass(frozen=True, eq=False)
 class Activity:
     """Numbers of events in equal spans of time: their mean, variance, largest and autocorrelation.

@@ -20,6 +20,7 @@ from . import checks
 from .primitives import Component, Memory, Reaction, Switch
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Family:
     """A number of elements of one kind, written once.
@@ -78,6 +79,7 @@ class Family:
     def __post_init__(self):
         checks.fields(self, n=checks.integer(1, 10**7), periodic=checks.flag, name=checks.name)
 
+    @checks.door(checks.ASSUMPTIONS)
     def symbols(self, names, **assumptions):
         """Symbols of the element: states, parameters or unknowns, by what the System makes of them.
 

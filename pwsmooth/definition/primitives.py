@@ -26,6 +26,7 @@ from . import checks
 TOGETHER = "add", "set"  # what of an assignment and of what others add to the same state holds
 
 
+@checks.door()
 class Switch(sp.Symbol):
     """The multiplier lambda of a switching surface: sign(surface) off it, between -1 and 1 on it.
 
@@ -102,6 +103,7 @@ class Component(sp.Symbol):
         return f"{self.disc!r}[{self.index}]"
 
 
+@checks.door()
 @dataclass(frozen=True, init=False)
 class Disc:
     """The vector multiplier of a vector surface h: lambda = h/|h| where h is not 0, |lambda| <= 1 where it is.
@@ -200,6 +202,7 @@ class Disc:
         return sp.Add(*(lam * h for lam, h in zip(self, self.surfaces, strict=True)))
 
 
+@checks.door()
 class Memory(sp.Symbol):
     """A value that changes only in events: a latched impact speed, a stick/slip flag.
 
@@ -222,6 +225,7 @@ class Memory(sp.Symbol):
 
     __slots__ = ("initial",)
 
+    @checks.door(checks.ASSUMPTIONS)
     def __new__(cls, name, initial=0.0, **assumptions):
         name = _name(name, "Memory")
         initial = checks.number(initial, f"`initial` of Memory {name!r}")
@@ -259,6 +263,7 @@ class Reaction(sp.Symbol):
         return f"Reaction({self.name!r}, {printer._print(self.gap)}, {printer._print(self.restitution)})"
 
 
+@checks.door()
 @dataclass(frozen=True, init=False)
 class Unilateral:
     """A unilateral constraint 0 <= h, complementary to its reaction R >= 0.
@@ -323,6 +328,7 @@ class Unilateral:
         return Reaction(self.name, self.gap, self.restitution)
 
 
+@checks.door()
 @dataclass(frozen=True, init=False)
 class Algebraic:
     """An unknown of the right-hand side with residual(t, x, a) = 0: an acceleration in its own friction law.
@@ -369,6 +375,7 @@ class Algebraic:
         object.__setattr__(self, "residual", residual)
 
 
+@checks.door()
 @dataclass(frozen=True, init=False)
 class Event:
     """Something that happens at an instant: `surface` reaches zero, or the clock strikes.

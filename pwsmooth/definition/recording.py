@@ -10,6 +10,7 @@ from . import checks
 from .event_statistics import Activity, Histogram, SlipHistogram
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Recorder:
     """What `solve(..., record=...)` keeps of a family whose events are local.

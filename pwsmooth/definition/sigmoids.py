@@ -34,6 +34,7 @@ _FUNCTIONS = {
 }
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Sigmoid:
     """One family of smooth switches.
@@ -212,6 +213,7 @@ SIGMOIDS = {
 }
 
 
+@checks.door()
 def sigmoid(name):
     """The `Sigmoid` of a name, or of an expression of your own.
 

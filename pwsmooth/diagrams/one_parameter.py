@@ -10,7 +10,7 @@ from concurrent.futures import Executor
 from typing import Any
 
 from ..analysis.maps.sections import LONGEST
-from ..definition import checks
+from ..definition import calls, checks
 from .looking import DOOR, SWEEPS, Starts, looking
 from .plain import values_of
 from .result import Diagram
@@ -20,7 +20,7 @@ from .work import Store, Work, telling, working
 __all__ = ["diagram"]
 
 
-@checks.door(**DOOR)
+@checks.door((*calls.POINTS, "max_seconds"), **DOOR)
 def diagram(
     system: Any,
     parameter: Any,

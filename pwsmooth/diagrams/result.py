@@ -69,6 +69,7 @@ class Found:
         return self.text
 
 
+@checks.door()
 @dataclass(repr=False, eq=False)
 class Diagram(Described):
     """All branches that were found over a parameter, and the orbit diagram with them.
@@ -293,6 +294,7 @@ class Diagram(Described):
         )
 
 
+@checks.door()
 def read_diagram(path: Any) -> Diagram:
     """The diagram in a store, or in what `Diagram.save` wrote.
 

@@ -58,6 +58,7 @@ class Meeting:
         return f"{self.name} at ({self.at[0]:.9g}, {self.at[1]:.9g})" + (f": {self.note}" if self.note else "")
 
 
+@checks.door()
 @dataclass(repr=False, eq=False)
 class BifurcationSet(Described):
     """Curves of bifurcations over two parameters, and the diagrams along lines in which they were found.
@@ -243,6 +244,7 @@ class BifurcationSet(Described):
         }.items()
 
 
+@checks.door()
 def read_set(path: Any) -> BifurcationSet:
     """The bifurcation set in a store, or in what `BifurcationSet.save` wrote.
 

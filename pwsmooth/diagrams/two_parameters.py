@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..analysis.maps.sections import LONGEST
-from ..definition import checks
+from ..definition import calls, checks
 from .growing import KINDS, Grown, grown
 from .looking import DOOR, SWEEPS, Starts, looking
 from .plain import values_of
@@ -31,7 +31,12 @@ __all__ = ["bifurcation_set"]
 _CURVE = {"step": 0.01, "longest_step": 0.05, "shortest_step": 1e-6}  # as of follow_curve
 
 
-@checks.door(**DOOR, lines=checks.optional(checks.mapping), curves=checks.integer(1, 10**6))
+@checks.door(
+    (*calls.POINTS, "max_seconds"),
+    **DOOR,
+    lines=checks.optional(checks.mapping),
+    curves=checks.integer(1, 10**6),
+)
 def bifurcation_set(
     system: Any,
     parameters: tuple[Any, Any],

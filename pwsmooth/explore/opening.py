@@ -107,6 +107,7 @@ class Explorer:
         self._server = None
 
 
+@checks.door()
 def explore(
     system_or_scene: Any,
     x0: Any = None,

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..definition import checks
 from ..definition.describe import Described, Rows
 
 _BLIND = 1e-9  # of the largest singular value: what is below is rounding
@@ -69,6 +70,7 @@ class Combination(NamedTuple):
         )
 
 
+@checks.door()
 class Identifiability(Described):
     """Which combinations of the parameters the data determine, the best known first; `Fit.identifiability` makes it.
 

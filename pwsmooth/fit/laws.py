@@ -6,6 +6,7 @@ Chain: laws, scenes, fitting.py -> **fit_law**.
 from __future__ import annotations
 
 import dataclasses
+import inspect
 from collections.abc import Sequence
 from typing import Any
 
@@ -23,6 +24,7 @@ __all__ = ["fit_law"]
 
 
 @checks.door(
+    [*inspect.signature(fit).parameters][3:],
     law=checks.instance(Law, "a friction or contact law"), t=checks.numbers, motion=checks.numbers,
     kind=checks.one_of("position", "velocity"), free=checks.optional(checks.several), settle=checks.nonnegative,
 )  # fmt: skip

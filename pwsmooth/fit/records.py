@@ -32,6 +32,7 @@ def _measured(value: Any, what: str) -> np.ndarray:
     return found
 
 
+@checks.door()
 @dataclass(frozen=True, repr=False)
 class Record(Described):
     """One experiment: samples of some outputs, their noise, and how the motion began.

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["Comparison", "Fit", "Profile", "compare"]
 
 
+@checks.door()
 class Fit(Described):
     """A fitted system; `fit` and `fit_law` make it.
 
@@ -434,6 +435,7 @@ class Profile(NamedTuple):
         return ax
 
 
+@checks.door()
 class Comparison(Described):
     """Fits of the same data side by side, the smallest BIC first; `compare` makes it.
 
@@ -497,6 +499,7 @@ class Comparison(Described):
         }.items()  # fmt: skip
 
 
+@checks.door()
 def compare(fits: Mapping[str, Fit] | Iterable[Fit]) -> Comparison:
     """Fits of the same data side by side.
 

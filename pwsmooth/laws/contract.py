@@ -39,6 +39,7 @@ _SIGNS = {
 }
 
 
+@checks.door()
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 def law(declared: Any) -> Any:
     """Decorator of every law: a frozen dataclass whose fields are given by name.
@@ -64,7 +65,7 @@ def law(declared: Any) -> Any:
     >>> Viscous(c=2.0)
     Viscous(c=2.0)
     """
-    return documented(dataclasses.dataclass(frozen=True, kw_only=True)(declared))
+    return checks.door()(documented(dataclasses.dataclass(frozen=True, kw_only=True)(declared)))
 
 
 @checks.door(
@@ -116,6 +117,7 @@ def parameter(
     return dataclasses.field(default=default, metadata=about)
 
 
+@checks.door()
 @dataclasses.dataclass(frozen=True)
 class Pieces:
     """What a law brings to a system at one joint.
@@ -170,6 +172,7 @@ class Pieces:
         return tuple(self.rates)
 
 
+@checks.door()
 class Law:
     """Base of all laws; a law has `source`, its fields, and `pieces`.
 

@@ -16,6 +16,7 @@ from ..definition.primitives import Disc, Memory, Switch
 __all__ = ["Joint"]
 
 
+@checks.door()
 class Joint:
     """Where a law acts: the motion there as expressions, and symbols that carry the joint's name.
 
@@ -84,7 +85,7 @@ class Joint:
         """
         return f"{name}_{self.name}" if self.name else name
 
-    @checks.door(name=checks.text, start=checks.expression, scale=checks.positive)
+    @checks.door(checks.ASSUMPTIONS, name=checks.text, start=checks.expression, scale=checks.positive)
     def state(self, name: str, start: Any = 0.0, scale: float = 1.0, **assumptions: bool) -> sp.Symbol:
         """An internal state of the law; where the velocity is that of every element of a family, one of each.
 
@@ -115,7 +116,7 @@ class Joint:
         self.starts[symbol], self.scales[symbol] = start, float(scale)
         return symbol
 
-    @checks.door(name=checks.text)
+    @checks.door(checks.ASSUMPTIONS, name=checks.text)
     def memory(self, name: str, initial: float = 0.0, **assumptions: bool) -> Memory:
         """A value that changes only in events.
 
@@ -321,6 +322,7 @@ class Joint:
         """
         return Family(n, name=self.label("element"))
 
+    @checks.door(checks.ASSUMPTIONS)
     def member(
         self, family: Family, name: str, start: Any = 0.0, scale: float = 1.0, **assumptions: bool
     ) -> Any:

@@ -22,6 +22,7 @@ from ..definition.template import MARK
 Entry = tuple[int, tuple[str, int | None], sp.Expr]
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Diffusion:
     """White noise that drives some states, with constant or state-dependent amplitude.

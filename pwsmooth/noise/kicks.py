@@ -31,6 +31,7 @@ from ..definition.template import family_model
 LAWS = ("uniform", "normal", "laplace")
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Kicks:
     """Random displacements of states at the times `every`, 2 `every`, ...

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..definition import checks
 from ..definition.describe import Described, Rows, some
 from ..kernels.outcome import Outcome
 
@@ -82,6 +83,7 @@ class Listed(_Told, list):
         return Listed(found) if isinstance(i, slice) else found
 
 
+@checks.door()
 class EventLog(_Told, Sequence):
     """The events of a solution, put into words when they are asked for: a long run has many.
 

@@ -39,6 +39,7 @@ def _rows(values: Any, dtype: Any, nt: int) -> np.ndarray:
     return values if values.ndim == 2 else values.reshape(-1, nt)
 
 
+@checks.door()
 class Solution(Described):
     """A solved trajectory.
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..definition import checks
+from ..definition import calls, checks
 from ..definition.describe import Described, Rows, listed, values
 from ..laws import Pieces
 from ..results.solution import Solution
@@ -23,6 +23,7 @@ __all__ = ["Scene", "assemble"]
 ATOL = 1e-12  # solve's own, for a state of size 1
 
 
+@checks.door()
 @dataclass(frozen=True, repr=False)
 class Scene(Described):
     """A model ready to run: mechanism, law and drive as one System, with its start and its span.
@@ -94,6 +95,7 @@ class Scene(Described):
             **dict(of_system),
         }.items()
 
+    @checks.door(calls.SOLVE)
     def solve(self, t_span: Any = None, x0: Any = None, **options: Any) -> Solution:
         """Solve the system from `start` over `t_span`; both may be replaced.
 

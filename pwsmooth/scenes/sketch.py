@@ -23,6 +23,7 @@ from ..results.solution import Solution
 __all__ = ["Arrow", "Ball", "Bar", "Belt", "Block", "Clearance", "Ground", "Joint", "Shape", "Sketch", "Spring"]
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Shape:
     """A part of a sketch; the base of all kinds.
@@ -69,6 +70,7 @@ class Shape:
         return {"kind": type(self).__name__.lower(), "places": list(self.places), **rest}
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Block(Shape):
     """A rectangle.
@@ -104,6 +106,7 @@ class Block(Shape):
     phase: str = ""
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Ball(Shape):
     """A disc with a mark that turns.
@@ -148,6 +151,7 @@ class _Line(Shape):
     y_2: Any
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Spring(_Line):
     """A zigzag between two points.
@@ -172,6 +176,7 @@ class Spring(_Line):
     width: float
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Bar(_Line):
     """A link between two points.
@@ -197,6 +202,7 @@ class Bar(_Line):
     width: float
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Ground(_Line):
     """A wall or floor, hatched to the right of the way from its first point to the second.
@@ -216,6 +222,7 @@ class Ground(_Line):
     """
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Belt(_Line):
     """A belt from one point to another, on two rollers, with marks that travel.
@@ -245,6 +252,7 @@ class Belt(_Line):
     mark: float
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Joint(Shape):
     """A small circle in which links turn.
@@ -272,6 +280,7 @@ class Joint(Shape):
     radius: float
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Clearance(Joint):
     """An open circle within which another part may move.
@@ -293,6 +302,7 @@ class Clearance(Joint):
     """
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Arrow(Shape):
     """An arrow, such as a force's.
@@ -322,6 +332,7 @@ class Arrow(Shape):
     dy: Any
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Sketch:
     """A mechanism as named shapes.

@@ -98,6 +98,7 @@ def row_of_balls(positions: Sequence[Any], gap: float) -> Sketch:
     return Sketch((Ground("ground", -2 * size, 0, (n + 1) * (size + gap), 0), *balls))
 
 
+@checks.door()
 def chain_of_blocks(positions: Sequence[Any], *, spacing: float = 1.0, switches: Sequence[Any] = ()) -> Sketch:
     """A sketch of blocks in a row, each joined to the next one by a spring, such as those of a Family.
 

@@ -213,6 +213,7 @@ def _equations(normal, tangential, gravity):
     return joint, rates, outputs
 
 
+@checks.door()
 class IdealSliderCrank:
     """The same mechanism with an ideal joint, in closed form over the crank angle.
 

@@ -17,6 +17,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from ..analysis.maps.sections import LONGEST
+from ..definition import calls, checks
 from .contract import Measure, Window
 from .measures import (
     Amplitude,
@@ -62,6 +63,7 @@ __all__ = [
 ]
 
 
+@checks.door((*calls.POINTS, "record"))
 def sweep(
     system: Any,
     axes: Mapping[Any, Sequence[float]] | None = None,
@@ -144,8 +146,8 @@ def sweep(
         Bound on the whole sweep. Points that it leaves out have the outcome TIME_LIMIT; in a store they have not run,
         and the same call goes on with them.
     **options
-        rtol, atol, method, order, max_step, max_steps of `solve`; `record`, a Recorder without a folder, makes every
-        point a run of a large family by local events, of which functions of the Solution see the catalogue.
+        rtol, atol, method, order, max_step, max_steps, parameters of `solve`; `record`, a Recorder without a folder,
+        makes every point a run of a large family by local events, of which functions of the Solution see the catalogue.
 
     Returns
     -------

@@ -19,7 +19,7 @@ import numpy as np
 from ..analysis.lyapunov import lyapunov_exponents
 from ..analysis.maps.sections import LONGEST, poincare_map
 from ..analysis.orbits.periodic_orbit import PeriodicOrbit
-from ..definition import checks
+from ..definition import calls, checks
 from ..definition.describe import Described, Rows, number
 from ..paths.budget import whole
 from ..results.records import Outcome
@@ -35,6 +35,7 @@ _TURNS = 6  # periods or returns between two looks at where a trajectory is
 _SCOUTS = 8  # starts that look for the first attractors
 
 
+@checks.door()
 @dataclass(frozen=True, repr=False)
 class Basins(Described):
     """Which attractor every start leads to.
@@ -108,6 +109,7 @@ class Basins(Described):
 
 
 @checks.door(
+    calls.SWEEPS,
     system=checks.system, axes=checks.mapping, start=checks.optional(checks.mapping), tol=checks.positive,
     transient=checks.integer(0), longest=checks.integer(1, 10_000), direction=checks.one_of(1, -1),
     longest_return=checks.positive,
@@ -153,8 +155,8 @@ def basins(
     tol : float, dimensionless
         How near to an orbit a trajectory has come after the transient, in states (relative to 1 + abs(x)).
     **options
-        For `sweep`: executor, workers, store, rtol, ...; `max_steps` bounds each start and all that follows the
-        sweep, `max_seconds` the whole call.
+        For `sweep`: executor, workers, store, rtol, parameters, ...; `max_steps` bounds each start and all that follows
+        the sweep, `max_seconds` the whole call.
 
     Returns
     -------
@@ -235,6 +237,7 @@ class _Search:
 
 
 @checks.door(
+    calls.POINTS,
     system=checks.system, axes=checks.mapping, start=checks.optional(checks.mapping), tol=checks.positive,
     transient=checks.integer(0), longest=checks.integer(1, 10_000), direction=checks.one_of(1, -1),
     longest_return=checks.positive,
@@ -288,7 +291,7 @@ def refine_basins(
     budget : float, s, optional
         Of processor time, after which no further chunk begins.
     **options
-        rtol, atol, method, max_step, max_steps of `solve`.
+        rtol, atol, method, max_step, max_steps, parameters of `solve`.
 
     Returns
     -------
@@ -374,6 +377,7 @@ def _labels(search: _Search, planned: SweepPlan, numbers: np.ndarray) -> np.ndar
     return labels
 
 
+@checks.door()
 @dataclass(frozen=True, repr=False)
 class OrbitDiagram(Described):
     """Points of the Poincare map over a parameter.
@@ -415,7 +419,7 @@ class OrbitDiagram(Described):
     strobed_by: str = "period"
     system: Any = None
 
-    @checks.door(time=checks.positive, transient=checks.nonnegative)
+    @checks.door(calls.RUNS, time=checks.positive, transient=checks.nonnegative)
     def exponents(self, time: float, *, transient: float = 0.0, count: int = 1, **options: Any) -> np.ndarray:
         """Lyapunov exponents of what the diagram shows, from the last point at every value.
 
@@ -527,6 +531,7 @@ class OrbitDiagram(Described):
 
 
 @checks.door(
+    calls.SWEEPS,
     system=checks.system, values=checks.numbers, start=checks.mapping, transient=checks.integer(0),
     keep=checks.integer(1, 10**7), carry=checks.flag, direction=checks.one_of(1, -1), longest_return=checks.positive,
 )  # fmt: skip
@@ -605,6 +610,8 @@ def orbit_diagram(
     """
     name = checks.lookup(parameter, system.parameters, "`parameter`", "parameter").name
     at_values = np.asarray(values)
+    if carry and (idle := sorted(options.keys() - set(calls.RUNS))):
+        raise ValueError(f"`{idle[0]}` is for independent runs; leave it out, or `carry`.")
     base = poincare_map(system, period, section, direction, longest_return, options if carry else {})
     states = tuple(s.name for s in system.model.states)
     strobed_by = "period" if section is None else "return"

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from ..definition import checks
 from ..results.solution import Solution, _is_slip_velocity
 
 NOT_RUN = -128  # outcome of a point that has not run
@@ -64,6 +65,7 @@ class Variable(NamedTuple):
     attrs: dict[str, str]
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Measure:
     """Base of all measures; one of one's own defines `variables` and `of`.

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..definition import checks
+from ..definition import calls, checks
 from ..noise.diffusion import Diffusion
 from ..noise.diffusion_run import DiffusionRun, Path
 from ..noise.kicks import Kicks
@@ -71,6 +71,7 @@ class Ensemble:
 
 
 @checks.door(
+    (*calls.STEPS, "method", "strict"),
     system=checks.system, noise=checks.instance((Kicks, Diffusion), "Kicks(...) or Diffusion(...)"),
     count=checks.integer(1, 10**8), max_seconds=checks.optional(checks.positive),
     parameters=checks.optional(checks.mapping),

@@ -17,6 +17,7 @@ from ..definition import checks
 from .contract import Measure, real
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Function(Measure):
     """A user's function of the Solution.
@@ -88,6 +89,7 @@ class Function(Measure):
         return dict(zip(self.names, values.tolist()))
 
 
+@checks.door()
 @dataclass(frozen=True, repr=False)
 class Cost(Measure):
     """The variable `<name>`: a cost of the whole run.
@@ -159,6 +161,7 @@ class Cost(Measure):
         return {self.name: value_of(self.cost, self._found, outputs, solution)}
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Lyapunov(Measure):
     """The variable `lyapunov`: the largest Lyapunov exponent, averaged over the window, in units of 1/time.

@@ -35,6 +35,7 @@ __all__ = [
 ]
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Sticks(Measure):
     """The variables `stick_time` and `sticks`: time stuck per period, and sticks per period (return to a section).
@@ -83,6 +84,7 @@ class Sticks(Measure):
         return pair if setting.switch_dims[0] else {name: a[0] for name, a in pair.items()}
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Points(Measure):
     """The variables `<state>_points`: states at the window's start and after every period or return, along the
@@ -152,6 +154,7 @@ class Points(Measure):
         }
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Counts(Measure):
     """The variables `events` and `steps`: how many events are inside the window, how many steps the whole orbit took.
@@ -192,6 +195,7 @@ _BY_NAME: dict[str, Any] = {
 }
 
 
+@checks.door()
 def measure_from_text(text: str) -> Measure:
     """A measure by name, with its quantities in parentheses: "sticks", "amplitude(y, v)", "points".
 

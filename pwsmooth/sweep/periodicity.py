@@ -15,6 +15,7 @@ from .contract import Measure, Variable, integer, real
 from .of_solution import segments_in, strobes
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Period(Measure):
     """The variable `period`: after how many drive periods, or returns to the section, the state repeats; 0 for none.
@@ -98,6 +99,7 @@ class Period(Measure):
         return 0
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Itinerary(Measure):
     """The variable `itinerary`: the segments of the periodic orbit in order, one letter each.

@@ -377,11 +377,6 @@ def _options(system, options):
         checked["record"] = _record(model, checked["record"])
     else:
         checked.pop("record", None)
-    known = {"rtol", "atol", "max_step", "max_steps", "order", "method", "record"}
-    if set(checked) - known:
-        raise TypeError(
-            f"sweep() has no option {sorted(set(checked) - known)[0]!r}; solve's are {', '.join(known)}."
-        )
     if smoothed and order is not None:
         raise ValueError("`order` belongs to event-driven systems; leave it out for a smoothed view.")
     if not smoothed and checked["method"] == "stiff":

@@ -53,6 +53,7 @@ class OfQuantities(Measure):
         return {f"{name}_{part}": value for name in self.names for part, value in zip(self.parts, values(name))}
 
 
+@checks.door()
 class Extremes(OfQuantities):
     """The variables `<name>_min` and `<name>_max`, over the window and between steps too.
 
@@ -83,6 +84,7 @@ class Extremes(OfQuantities):
     _measured = staticmethod(range_of)
 
 
+@checks.door()
 class Amplitude(OfQuantities):
     """The variable `<name>_amplitude`: half the distance from minimum to maximum over the window.
 
@@ -114,6 +116,7 @@ class Amplitude(OfQuantities):
         return [0.5 * (high - low)]
 
 
+@checks.door()
 class Statistics(OfQuantities):
     """The variables `<name>_mean` and `<name>_rms`: time averages over the window.
 

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..analysis.maps.sections import LONGEST
-from ..definition import checks
+from ..definition import calls, checks
 from ..paths.budget import Stop
 from ..paths.interrupts import noted, result
 from ..results.records import Outcome
@@ -42,6 +42,7 @@ _LEAVES = 4  # times: growth of the misses in 16 strobes, of a multiplier 1.09; 
 _ROUNDING = 1e-14  # misses below do not tell
 
 
+@checks.door()
 @dataclass(frozen=True)
 class SweepPlan:
     """A sweep that is checked and has not run: what `refine` takes.
@@ -115,6 +116,7 @@ class SweepPlan:
         return make_dataset(self.plan, self.where, arrays)
 
 
+@checks.door((*calls.POINTS, "record"))
 def make_plan(
     system: Any,
     axes: Mapping[Any, Sequence[float]] | None = None,
@@ -167,7 +169,7 @@ def make_plan(
     noise : Kicks or Diffusion, optional
         As for `solve`.
     **options
-        rtol, atol, method, order, max_step, max_steps of `solve`.
+        rtol, atol, method, order, max_step, max_steps, parameters of `solve`; `record`.
 
     Returns
     -------
@@ -213,6 +215,7 @@ def spread(shape: Sequence[int]) -> np.ndarray:
     return np.lexsort((place.ravel(), depth.ravel()))
 
 
+@checks.door()
 def refine(
     plan: SweepPlan,
     order: Iterable[int] | None = None,

@@ -28,6 +28,7 @@ SUMS, SUM_DIMS = "chunk_sha256", ("chunk_number", "sha256_byte")
 EVERY_CHUNK = {"array.write_empty_chunks": True}  # a missing file is damage, and never means the fill value
 
 
+@checks.door()
 def read_store(path: Any) -> xarray.Dataset:
     """The Dataset in a store, whatever sweep and version of the package made it, finished or not.
 

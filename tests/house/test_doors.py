@@ -1,9 +1,12 @@
 """No bad value passes a door: what is refused names the argument, and the generator of malformed calls agrees."""
 
+import enum
 import functools
 import importlib.util
 import inspect
 import math
+import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,15 +21,26 @@ from pwsmooth import (
     Family,
     System,
     basins,
+    bifurcation_set,
+    costs,
+    diagram,
+    ensemble,
     find_orbit,
     lyapunov_exponents,
     orbit_diagram,
     solve,
     sweep,
 )
+from pwsmooth.analysis.maps.sections import Section, Stroboscopic
+from pwsmooth.definition import checks
+from pwsmooth.fit import fit_law
 from pwsmooth.laws.friction import Coulomb, Dahl
 from pwsmooth.scenes import Scene, block_on_belt, force_driven, prescribed_motion
-from pwsmooth.sweep import Period, Points
+from pwsmooth.sweep import Period, Points, make_plan
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "docs"))
+
+import public_names
 
 t, x, v, k = sp.symbols("t x v k", real=True)
 T = 2 * sp.pi
@@ -89,6 +103,139 @@ def test_an_event_of_time_beyond_all_floats_ends_a_run_and_not_python():
     for method in ("auto", "stiff"):
         free = System({x: -x}, time=t, events=[Event(every=1e-9, update={x: x})])
         assert not solve(free, (0, 1e300), {"x": 1}, method=method, max_steps=100).success
+
+
+def calls_of(full, value):
+    """(name, callable, what messages call it, one of its arguments) of a public name and of its methods."""
+    if inspect.isfunction(value):
+        yield full, value, value.__name__
+    if not inspect.isclass(value) or issubclass(value, (tuple, BaseException, enum.Enum)):
+        return
+    if "Parameters\n" in (value.__doc__ or ""):
+        yield full, value, value.__name__
+    for name, member in public_names.members(value).items():
+        if isinstance(member, (classmethod, staticmethod)):
+            yield f"{full}.{name}", getattr(value, name), f"{value.__name__}.{name}"
+        elif inspect.isfunction(member):
+            builtin = next(base for base in value.__mro__ if base.__module__ == "builtins")
+            one = builtin.__new__(value)
+            yield f"{full}.{name}", functools.partial(member, one), f"{value.__name__}.{name}"
+
+
+def with_an_argument(calls):
+    for full, call, said in calls:
+        arguments = inspect.signature(call).parameters.values()
+        named = [p.name for p in arguments if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
+        text = (call.func if isinstance(call, functools.partial) else call).__doc__ or ""
+        if named and "For matplotlib's" not in text:  # any further name goes on to it
+            yield full, (call, said, max(named, key=len))
+
+
+# The door looks at names before all else.
+FACE = dict(
+    found
+    for full, value in public_names.public_names().items()
+    for found in with_an_argument(calls_of(full, value))
+)
+
+
+@pytest.mark.parametrize("name", FACE)
+def test_a_misspelt_argument_is_refused_in_the_name_of_what_was_called(name):
+    call, said, known = FACE[name]
+    words = f"{said}() has no argument `{known}q`; did you mean `{known}`?"
+    with pytest.raises(TypeError, match=f"^{re.escape(words)}$"):
+        call(**{f"{known}q": None})
+
+
+TOOLS = {
+    "sweep": lambda **given: sweep(BLOCK, {"k": [2.0]}, start=START, period=T, **given),
+    "make_plan": lambda **given: make_plan(BLOCK, {"k": [2.0]}, start=START, period=T, **given),
+    "basins": lambda **given: basins(BLOCK, {"x": [1.0]}, T, start={"v": 0}, **given),
+    "orbit_diagram": lambda **given: orbit_diagram(BLOCK, k, [1.0], START, T, **given),
+    "find_orbit": lambda **given: find_orbit(BLOCK, START, period=T, **given),
+    "lyapunov_exponents": lambda **given: lyapunov_exponents(BLOCK, START, 10.0, **given),
+    "diagram": lambda **given: diagram(BLOCK, k, (1, 2), START, period=T, **given),
+    "bifurcation_set": lambda **given: bifurcation_set(
+        BLOCK, {k: (1, 2), "q": (1, 2)}, START, period=T, **given
+    ),
+    "minimise": lambda **given: costs.minimise(BLOCK, costs.final(x), (0, 1), START, [k], **given),
+    "fit_law": lambda **given: fit_law(Coulomb(), [0, 1], [0, 1], [0, 1], **given),
+}
+
+
+@pytest.mark.parametrize("option", ["t_eval", "dense_output", "with_respect_to", "local", "threads", "foo"])
+@pytest.mark.parametrize("tool", TOOLS)
+def test_a_tool_refuses_by_name_what_it_cannot_pass_on_to_solve(tool, option):
+    with pytest.raises(TypeError, match=rf"^{tool}\(\) has no argument `{option}`"):
+        TOOLS[tool](**{option: None})
+
+
+def test_parameters_of_a_tool_are_those_of_its_system():
+    stiffer = BLOCK.with_parameters({k: 2})
+    orbit = find_orbit(BLOCK, START, period=T, transient=20, parameters={k: 2})
+    assert orbit.system.parameters == {k: 2}
+    assert orbit.x.tolist() == find_orbit(stiffer, START, period=T, transient=20).x.tolist()
+    again = {"start": START, "period": T, "measures": ["amplitude(x)"], "transient": 2, "periods": 2}
+    scene = Scene("block", BLOCK, START, (0, 1), 2 * math.pi)
+    for subject in (BLOCK, scene):
+        found = sweep(subject, {"v": [0.1]}, parameters={k: 2}, **again)
+        assert found.equals(sweep(stiffer, {"v": [0.1]}, **again))
+    with pytest.raises(ValueError, match="`workers` is for independent runs"):
+        orbit_diagram(BLOCK, k, [1.0], START, T, carry=True, workers=1)
+
+
+def test_maps_refuse_options_that_would_pin_their_parameters():
+    for make in (
+        lambda: Stroboscopic(BLOCK, T, options={"parameters": {k: 2}}),
+        lambda: Section(BLOCK, v, options={"parameters": {k: 2}}),
+    ):
+        with pytest.raises(
+            ValueError, match=r"`options` of \w+ has 'parameters': give `system.with_parameters"
+        ):
+            make()
+
+
+def test_names_of_other_tools_and_packages_lead_to_ours():
+    for call, name in (
+        (lambda: sweep(BLOCK, {"k": [1.0]}, x0=START, period=T), "start"),
+        (lambda: find_orbit(BLOCK, start=START, period=T), "x0"),
+        (lambda: solve(BLOCK, (0, 1), y0=START), "x0"),
+        (lambda: BLOCK.smoothed(epsilon=1e-3), "eps"),
+        (lambda: Dahl(sigma_0=1), "sigma0"),
+    ):
+        with pytest.raises(TypeError, match=rf"did you mean `{name}`\?"):
+            call()
+
+
+def test_missing_and_surplus_arguments_are_named():
+    for call, words in (
+        (
+            lambda: ensemble(BLOCK, (0, 1), START),
+            "ensemble() needs `noise` (Kicks or Diffusion) and `count` (int)",
+        ),
+        (lambda: BLOCK.smoothed(), "System.smoothed() needs `eps`"),
+        (lambda: force_driven(), "force_driven() needs `law` (Law)"),
+        (
+            lambda: solve(BLOCK, (0, 1), START, "rk"),
+            "solve() takes 3 arguments without a name (system, t_span, x0)",
+        ),
+        (lambda: Coulomb(2.0), "Coulomb() takes its arguments by name"),
+        (lambda: solve(BLOCK, (0, 1), START, x0=START), "solve() gets `x0` twice"),
+    ):
+        with pytest.raises(TypeError, match=re.escape(words)):
+            call()
+
+
+def test_errors_inside_a_call_are_not_taken_for_misfits():
+    @checks.door()
+    def outer(a):
+        return inner()
+
+    def inner(b):
+        return b
+
+    with pytest.raises(TypeError, match="missing 1 required positional argument: 'b'"):
+        outer(1)
 
 
 @functools.cache

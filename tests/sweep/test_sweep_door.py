@@ -48,7 +48,7 @@ x, a, every = sp.symbols("x a every", positive=True)
         (dict(rtol=2), ["`rtol`", "2"]),
         (dict(order=3), ["`order`", "3"]),
         (dict(method="radau5"), ["radau5", "taylor"]),
-        (dict(dense_output=True), ["dense_output", "no option"]),
+        (dict(dense_output=True), ["dense_output", "no argument"]),
         (dict(workers=0), ["`workers`", "0"]),
         (dict(chunk=1.5), ["`chunk`", "1.5"]),
         (dict(executor=3), ["`executor`", "Executor"]),

@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from ...definition import checks
 from ..orbits.finding import refined_to
 from ..orbits.itineraries import JUMP, Change, change_between, same_itinerary
 from ..orbits.periodic_orbit import PeriodicOrbit
@@ -103,6 +104,7 @@ class Bifurcation:
         return text
 
 
+@checks.door()
 def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
     """All bifurcations on the way from one point of a branch to the next, in order.
 

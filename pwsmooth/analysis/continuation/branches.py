@@ -38,6 +38,7 @@ _MORE = 0.5  # of the range, to either side
 _COUNTED = 2**62  # steps of a budget that only counts them: an orbit that is begun is ended
 
 
+@checks.door()
 @dataclass(repr=False)
 class Branch(_Along):
     """Periodic orbits along a parameter.

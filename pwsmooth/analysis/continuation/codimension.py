@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ...definition import checks
 from ..orbits.recutting import Cut
 
 __all__ = ["Codimension2"]
@@ -32,6 +33,7 @@ class Lead:
     begins: bool = True  # at a point of codimension 2
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Codimension2:
     """A point of a curve at which a second condition holds.

@@ -38,6 +38,7 @@ _SAME = 1e-5  # relative to the states: so near to a saddle a crossing is the sa
 _PARTS = 200  # of the length, or of the box: the spacing
 
 
+@checks.door()
 @dataclass(frozen=True, repr=False)
 class Manifold(Described):
     """A stable or unstable manifold of dimension one.

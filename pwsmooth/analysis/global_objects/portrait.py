@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...definition import checks
 from ...definition.describe import Described, Rows
 
 if TYPE_CHECKING:
@@ -78,6 +79,7 @@ class TwoFold:
     kind: str
 
 
+@checks.door()
 @dataclass(frozen=True, repr=False)
 class SlidingPortrait(Described):
     """The flow on the surface of a switch.

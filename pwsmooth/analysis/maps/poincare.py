@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...definition import checks
+from ...definition import calls, checks
 from ...paths.budget import whole
 from ...results.records import Outcome
 from ...results.solution import Solution
@@ -190,6 +190,7 @@ class _Map:
         this: Any = self
         return replace(this, count=2 * this.count)
 
+    @checks.door((*calls.RUNS, "dense_output", "t_eval"))
     def over(self, x: Any, time: float, **options: Any) -> Solution:
         """The trajectory of a point of the section over a time.
 

@@ -36,6 +36,7 @@ _ROUNDING = 1e-12  # of a state: a start so near to its section has not left it
 _MOST_LEADS = 20  # each ten times as long: a start on its section is left after a few roundings of its states
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Stroboscopic(_Map):
     """The map over `count` forcing periods, or over half a one.
@@ -84,7 +85,7 @@ class Stroboscopic(_Map):
     def __post_init__(self) -> None:
         checks.system(self.system, "`system`")
         period = checks.period(self.period, self.system.parameters)
-        checks.fields(self, count=checks.integer(1), phase=checks.number, options=checks.mapping)
+        checks.fields(self, count=checks.integer(1), phase=checks.number, options=checks.run_options)
         object.__setattr__(self, "period", period)
         if self.symmetry is not None and not isinstance(self.symmetry, np.ndarray):
             matrix = symmetry_matrix(self.system, self.symmetry, self.forcing_period)
@@ -228,6 +229,7 @@ def _slopes_of(period: sp.Expr) -> tuple[tuple[sp.Symbol, sp.Expr], ...]:
     return tuple((q, period.diff(q)) for q in period.free_symbols)
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Section(_Map):
     """The map of returns to a surface, of an autonomous system.
@@ -280,7 +282,7 @@ class Section(_Map):
         checks.system(self.system, "`system`")
         checks.fields(
             self, count=checks.integer(1), direction=checks.one_of(1, -1), longest=checks.positive,
-            options=checks.mapping,
+            options=checks.run_options,
         )  # fmt: skip
         surface = section_of(self.system, self.surface, "`surface`")
         object.__setattr__(self, "surface", surface)

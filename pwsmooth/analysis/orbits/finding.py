@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...definition import checks
+from ...definition import calls, checks
 from ...paths.budget import whole
 from ..maps.poincare import Image
 from ..maps.sections import LONGEST, Section, Stroboscopic, poincare_map
@@ -33,6 +33,7 @@ _RECURRENCE = 1e-5  # a transient that returns so closely is near a periodic orb
 
 
 @checks.door(
+    (*calls.RUNS, "parameters"),
     system=checks.system, direction=checks.one_of(1, -1), count=checks.optional(checks.integer(1)), phase=checks.number,
     symmetry=checks.optional(checks.mapping), transient=checks.integer(0, 10**7), most=checks.integer(1),
     segments=checks.optional(checks.integer(1, 10**4)),
@@ -81,7 +82,8 @@ def find_orbit(
         In how many pieces a period is shot over; by default in one, and in as many as their growth asks for where a
         multiplier exceeds 1e4 or one piece does not lead to the orbit.
     **options
-        For `solve`; `max_steps` and `max_seconds` bound the whole search.
+        For `solve`: rtol, atol, method, order, max_step, strict, parameters; `max_steps` and `max_seconds` bound the
+        whole search.
 
     Returns
     -------

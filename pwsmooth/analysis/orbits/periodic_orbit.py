@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ...definition import checks
+from ...definition import calls, checks
 from ...definition.describe import Described, Rows, listed, number, some, values
 from ...results.solution import Solution
 from ...solve import solve
@@ -31,6 +31,7 @@ _ROUNDED = 1e-14  # of the largest multiplier: smaller ones are roundings
 MULTIPLIERS = 1e-9  # to which multipliers are known, with something to spare
 
 
+@checks.door()
 @dataclass(frozen=True, repr=False)
 class PeriodicOrbit(Described):
     """A periodic orbit, or the best that Newton's method reached (`success` False, `message` why).
@@ -207,7 +208,7 @@ class PeriodicOrbit(Described):
             for x, target, (k, begin, end) in zip(nodes @ seen.T, targets, legs):
                 yield target, map_.leg(x, (k + moved, begin, end), () if dense_output else None).runs[0]
 
-    @checks.door(periods=checks.integer(1, 10**9))
+    @checks.door((*calls.RUNS, *calls.KEPT), periods=checks.integer(1, 10**9))
     def solution(self, periods: int = 1, **options: Any) -> Solution:
         """The orbit over whole periods.
 

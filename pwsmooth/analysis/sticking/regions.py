@@ -61,6 +61,7 @@ class Fold:
     inside: sp.Basic
 
 
+@checks.door()
 @dataclass(frozen=True)
 class StickingRegion:
     """The region v = 0 and |k y - drive| <= N mu, where a contact can stick.
@@ -119,6 +120,7 @@ class StickingRegion:
         return sp.Le(sp.Abs(self.stiffness * y - self.drive), self.load * self.coefficient)
 
 
+@checks.door()
 def linear_sticking(drive: sp.Expr, stiffness: sp.Expr, load: sp.Expr) -> StickingRegion:
     """Filippov's sliding region, all there is without a hidden term.
 
@@ -151,6 +153,7 @@ def linear_sticking(drive: sp.Expr, stiffness: sp.Expr, load: sp.Expr) -> Sticki
     return StickingRegion(drive, stiffness, load, sp.Integer(1))
 
 
+@checks.door()
 def nonlinear_sticking(
     drive: sp.Expr, stiffness: sp.Expr, load: sp.Expr, gamma: sp.Expr, lam: sp.Symbol, rho: sp.Expr
 ) -> StickingRegion:
@@ -196,6 +199,7 @@ def nonlinear_sticking(
     return StickingRegion(drive, stiffness, load, fold(gamma, lam, rho).mu_s)
 
 
+@checks.door()
 def fold(gamma: sp.Expr, lam: sp.Symbol, rho: sp.Expr) -> Fold:
     """The fold of mu(lam) = lam (1 + rho gamma(lam)) on the branch through lam = 0.
 

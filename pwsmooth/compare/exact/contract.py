@@ -8,9 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from ...definition import checks
+
 __all__ = ["Check", "ExactProblem", "Verdict"]
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Check:
     """One number beside its exact value.
@@ -47,6 +50,7 @@ class Check:
         return self.error <= self.tolerance
 
 
+@checks.door()
 @dataclass(frozen=True)
 class ExactProblem:
     """A system whose answer is known.

@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
+from ...definition import checks
 from .contract import ExactProblem, Verdict
 
 __all__ = ["problems", "verify"]
@@ -38,6 +39,7 @@ def problems() -> dict[str, ExactProblem]:
     return {problem.name: problem for problem in PROBLEMS}
 
 
+@checks.door()
 def verify(
     names: Sequence[str] = (),
     *,

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from ...definition import checks
 from ...results.records import Outcome
 
 #: Ways a run can end -> their colours, the same in every map.
@@ -43,6 +44,7 @@ HARMLESS = ("right", "recorded")
 MILLION = 1e6
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Finding:
     """What one run came to.

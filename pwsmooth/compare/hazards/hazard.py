@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...definition import checks
 from .failures import Finding
 from .fixed import FIXED
 from .stopping import SEERS
@@ -31,6 +32,7 @@ def group_of(method: str) -> str:
     return next((group for group, methods in GROUPS.items() if method in methods), "no events")
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Axis:
     """One coordinate of a map.
@@ -59,6 +61,7 @@ class Axis:
         return len(self.values)
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Hazard:
     """One map to be made.

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
+from ...definition import checks
 from .failures import KINDS, Finding
 from .hazard import Hazard
 from .stability_map import StabilityMap
@@ -46,6 +47,7 @@ def built_in(name: str, fast: bool = False) -> Hazard:
     return getattr(home, name.replace("-", "_"))(fast)
 
 
+@checks.door()
 def stability(
     hazard: str | Hazard,
     methods: Iterable[str] | None = None,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...definition import checks
 from .failures import HARMLESS, KINDS
 from .hazard import Axis, group_of
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 WORDS = ("title", "law", "unit", "truth", "worse")  # as in `Hazard`
 
 
+@checks.door()
 @dataclass(frozen=True)
 class StabilityMap:
     """Where each method fails, and how.

@@ -6,6 +6,7 @@ import functools
 from collections.abc import Callable, Mapping
 from importlib import import_module
 
+from ...definition import checks
 from .rungs import Setting
 
 __all__ = ["scenes", "setting_of"]
@@ -47,6 +48,7 @@ def _setting(name: str) -> Setting:
     return make()
 
 
+@checks.door()
 def setting_of(scene: str | Setting) -> Setting:
     """A setting by name, or one's own as it is.
 

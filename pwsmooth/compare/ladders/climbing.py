@@ -34,6 +34,7 @@ class _Failed(Exception):
     """A rung whose run did not end as asked."""
 
 
+@checks.door()
 def ladder(
     scene: str | Setting,
     observable: str | Observable,

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...definition import checks
 from ...laws import Law
 from ...laws import contact as laws
 from ...scenes import Scene, falling_ball, free_impact
@@ -60,6 +61,7 @@ def first_impact(law: Law, speed: float, mass: float) -> Impact:
     return Impact(-float(run["v"][-1]) / speed, depth)
 
 
+@checks.door()
 def contact_rungs(richest: Law, build: Callable[[Law], Scene], speed: float, mass: float) -> list[Rung]:
     """The rungs below a contact law, poorest first, matched to it.
 
@@ -125,6 +127,7 @@ def contact_rungs(richest: Law, build: Callable[[Law], Scene], speed: float, mas
     return rungs[: ORDER.index(kind)]
 
 
+@checks.door()
 def contact_setting(
     name: str, title: str, richest: Law, build: Callable[[Law], Scene], observables: Sequence[Observable],
     *, speed: float, mass: float = 1.0, window: tuple[float, float], points: int = 8001,

@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from ...definition import checks
 from ...laws import Law
 from ...laws import friction as laws
 from ...scenes import Scene
@@ -130,6 +131,7 @@ _NEEDS = {
 }
 
 
+@checks.door()
 def friction_rungs(richest: Law, build: Callable[[Law], Scene], speed: float) -> list[Rung]:
     """The rungs below a friction law, poorest first, matched to it.
 
@@ -184,6 +186,7 @@ def friction_rungs(richest: Law, build: Callable[[Law], Scene], speed: float) ->
     return rungs
 
 
+@checks.door()
 def friction_setting(
     name: str, title: str, richest: Law, build: Callable[[Law], Scene], observables: Sequence[Observable],
     *, window: tuple[float, float], velocity: str = "v", points: int = 8001,

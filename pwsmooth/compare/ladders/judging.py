@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...definition import checks
+
 __all__ = ["Step", "judge", "recommend"]
 
 SAME_COST = 1.25  # processor times of one run on a shared machine differ by this: no reason to climb
@@ -62,6 +64,7 @@ class Step:
     verdict: str = ""
 
 
+@checks.door()
 def judge(distance: float, bar: float, tolerance: float) -> str:
     """Whether a distance known up to its bar lies within a tolerance.
 
@@ -86,6 +89,7 @@ def judge(distance: float, bar: float, tolerance: float) -> str:
     return "outside" if distance - bar > tolerance or math.isinf(distance) else "undecided"
 
 
+@checks.door()
 def recommend(steps: Sequence[Step], tolerance: float) -> tuple[str | None, str]:
     """The recommended one of judged steps, and why.
 

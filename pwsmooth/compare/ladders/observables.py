@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ...definition import checks
 from ...results.maximum import refined_maximum
 from .rungs import Observable
 
@@ -74,6 +75,7 @@ def _top(motion: Any, window: tuple[float, float], points: int, name: str, sign:
 _BETWEEN = "Between samples it looks closer three times, at values that occur."
 
 
+@checks.door()
 @_observable("largest {of}", _BETWEEN)
 def peak(motion, window, points, of):
     """Largest value of a quantity.
@@ -84,6 +86,7 @@ def peak(motion, window, points, of):
     return _top(motion, window, points, of)
 
 
+@checks.door()
 @_observable("smallest {of}", _BETWEEN)
 def least(motion, window, points, of):
     """Smallest value of a quantity.
@@ -94,6 +97,7 @@ def least(motion, window, points, of):
     return -_top(motion, window, points, of, -1)
 
 
+@checks.door()
 @_observable("half the range of {of}", "(largest - smallest)/2.")
 def amplitude(motion, window, points, of):
     """Half the range of a quantity.
@@ -104,6 +108,7 @@ def amplitude(motion, window, points, of):
     return (_top(motion, window, points, of) + _top(motion, window, points, of, -1)) / 2
 
 
+@checks.door()
 @_observable("distance of the middle of {of}'s range from 0", "Half the absolute value of largest + smallest.")
 def centre(motion, window, points, of):
     """Distance of the middle of a quantity's range from 0, which it is of a symmetric orbit.
@@ -114,6 +119,7 @@ def centre(motion, window, points, of):
     return abs(_top(motion, window, points, of) - _top(motion, window, points, of, -1)) / 2
 
 
+@checks.door()
 @_observable("{of} at the end", "One value.")
 def end_value(motion, window, points, of):
     """A quantity at the end of the window.
@@ -124,6 +130,7 @@ def end_value(motion, window, points, of):
     return float(motion(window[1], of))
 
 
+@checks.door()
 def curve(name: str, of: str, unit: str, points: int = 400) -> Observable:
     """A quantity over the window: the distance of two is the largest one.
 
@@ -170,6 +177,7 @@ def _crossings(motion, window, points, name, level):
     return (low + high) / 2
 
 
+@checks.door()
 def period(name: str, of: str, level: float, unit: str = "s") -> Observable:
     """Mean time between upward passages of a level; nan with fewer than two.
 
@@ -204,6 +212,7 @@ def period(name: str, of: str, level: float, unit: str = "s") -> Observable:
     return Observable(name, unit, f"mean time between passages of {of} upwards through {level:g}", measure)
 
 
+@checks.door()
 def share_below(name: str, of: str, level: float) -> Observable:
     """Share of the time in which a quantity is small: of sticking, where the level is a small speed.
 

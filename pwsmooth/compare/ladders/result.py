@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...definition import checks
 from .judging import Step, judge, recommend
 from .rungs import Observable, Setting
 
@@ -23,6 +24,7 @@ __all__ = ["Ladder"]
 READ = "distance: from the richest rung; error bar: what the runs' own errors make of it; within, outside: surely so"
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Ladder:
     """An observable on every rung of a ladder, poorest first; indexing gives a `Step` by its rung's name.

@@ -15,6 +15,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ...definition import checks
 from ...laws import Law
 from ...scenes import Scene
 
@@ -108,6 +109,7 @@ class Observable:
     measure: Callable[[Any, tuple[float, float], int], Any]
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Setting:
     """A scene with the models of growing fidelity for it.

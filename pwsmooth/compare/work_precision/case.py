@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ...definition import checks
 from ...scenes.scene import Scene
 from ...solve import solve
 from ...system import System
@@ -61,6 +62,7 @@ class Reference:
     uncertainty: float
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Case:
     """A scene for all methods of a comparison.
@@ -194,6 +196,7 @@ class Case:
         return Reference(self.ends, states, times, tuple(kind for _, kind in log), source, apart)
 
 
+@checks.door()
 def case_of(
     scene: Scene,
     *,

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ...definition import checks
 from ...plotting import COLOUR
 from .cases import CASES
 from .point import Point
@@ -35,6 +36,7 @@ SHORT = {
 }  # fmt: skip
 
 
+@checks.door()
 def plot_work(
     points: Sequence[Point],
     axes: Any,
@@ -103,6 +105,7 @@ def plot_work(
     return axes
 
 
+@checks.door()
 def envelope(line: Sequence[Point], work: str = "seconds") -> list[Point]:
     """Of the points with a right or no itinerary those that none beats in both error and work; else the least error.
 
@@ -143,6 +146,7 @@ def _logarithmic(axes: Any, x: str, y: str) -> None:
     axes.set(xscale="log", yscale="log", xlabel=x, ylabel=y)
 
 
+@checks.door()
 def plot_orders(points: Sequence[Point], axes: Any, *, error: float = 1e-9) -> Any:
     """What a fixed order costs: the time to an error over that at the order it chooses, a line a case.
 
@@ -192,6 +196,7 @@ def _of_case(k: int, case: str) -> dict[str, Any]:
     return dict(marker=(MARKS + "Xphd*")[k % 13], color=shade, markersize=3.5, linewidth=0.9, label=title)
 
 
+@checks.door()
 def best_width(points: Iterable[Point], error: float) -> Point | None:
     """The smoothed run of least time within an error: its setting is (eps, rtol).
 
@@ -217,6 +222,7 @@ def best_width(points: Iterable[Point], error: float) -> Point | None:
     return min(good, key=lambda p: p.seconds, default=None)
 
 
+@checks.door()
 def plot_widths(
     points: Sequence[Point], axes: Any, *, method: str = "smoothed, algebraic", what: str = "eps"
 ) -> Any:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ...definition import checks
 from .case import Case
 from .plain import happenings
 
@@ -81,6 +82,7 @@ MANY = 500_000  # the same for compiled ones
 Runner = Callable[[float], Run]
 
 
+@checks.door()
 @dataclass(frozen=True)
 class Method:
     """One method of a comparison, a line of its chart.

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
+from ...definition import checks
 from ...scenes.scene import Scene
 from .case import Case, Reference, case_of
 from .cases import CASES
@@ -24,6 +25,7 @@ LONG = 1.0  # s; what takes longer is timed once
 SHORT = 5e-3  # s; what takes less is timed over several calls
 
 
+@checks.door()
 def work_precision(
     scene: str | Case | Scene | Iterable[str | Case] = (),
     methods: Iterable[str | Method] = (),

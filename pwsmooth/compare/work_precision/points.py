@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from ...definition import checks
 from ...plotting import new_figure
 from .charts import plot_work
 from .point import Point
@@ -15,6 +16,7 @@ from .point import Point
 __all__ = ["Point", "WorkPrecision"]
 
 
+@checks.door()
 class WorkPrecision(list[Point]):
     """The Points of a comparison, with what is asked of them; a list.
 

@@ -33,6 +33,7 @@ _STABLE = {
 }
 
 
+@checks.door()
 @dataclass
 class RealTime:
     """The one-step update of a law.

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ....definition import checks
 from ...equilibria.equilibrium import Equilibrium
 from ..branch import _Along
 
@@ -95,6 +96,7 @@ class EquilibriumBifurcation:
         return f"{text}\n    {self.what}" if self.what else text
 
 
+@checks.door()
 @dataclass(repr=False)
 class EquilibriumBranch(_Along):
     """Equilibria along a parameter.

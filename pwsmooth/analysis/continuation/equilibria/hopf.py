@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ....definition import checks
+from ....definition import calls, checks
 from ...maps.sections import LONGEST, Section, poincare_map
 from ...orbits.periodic_orbit import PeriodicOrbit, none_found
 from ..arclength import Walk
@@ -28,6 +28,7 @@ _SMALLEST = 0.5  # of the predicted distance from the equilibrium: what comes ne
 
 
 @checks.door(
+    calls.RUNS,
     hopf=checks.instance(EquilibriumBifurcation, "one of the `bifurcations` of a branch of equilibria"),
     amplitude=checks.positive, direction=checks.one_of(1, -1),
 )  # fmt: skip
