@@ -70,8 +70,11 @@ def _task(arguments):
     return one_structure(*arguments)
 
 
-def fuzz(name, cases, structures, seed, resume=None, jobs=1):
-    """Counts of verdicts, failures, an example of each kind; `resume` is a file with a line a structure."""
+def fuzz(name, cases, structures, seed, resume=None, jobs=1, numbers=None):
+    """Counts of verdicts, failures, an example of each kind; `resume` is a file with a line a structure.
+
+    `numbers` are those of the structures that are played, where not all are.
+    """
     each = min(999, -(-cases // structures))
     done = {}
     if resume and Path(resume).exists():
@@ -79,7 +82,7 @@ def fuzz(name, cases, structures, seed, resume=None, jobs=1):
             found = json.loads(line)
             if found["run"] == [name, seed, each]:
                 done[found["structure"]] = found
-    left = [(name, seed, k, each) for k in range(structures) if k not in done]
+    left = [(name, seed, k, each) for k in numbers or range(structures) if k not in done]
     counts, failures, examples = Counter(), [], {}
     for found in done.values():
         counts.update(found["counts"])
