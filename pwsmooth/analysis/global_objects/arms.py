@@ -46,6 +46,16 @@ class Rules:
     def outside(self, x: np.ndarray) -> bool:
         return bool(np.any((x < self.low) | (x > self.high)))
 
+    def needed(self, x: np.ndarray) -> int:
+        """How many of these points, one a row, an arm's length and box take, and two beyond.
+
+        Chords are no longer than the curve; the factor covers points that are left out because they are near the one
+        before.
+        """
+        beyond = np.any((x < self.low) | (x > self.high), axis=1)
+        beyond[1:] |= np.cumsum(np.linalg.norm(np.diff(x, axis=0), axis=1)) > 2 * self.length
+        return int(np.argmax(beyond)) + 3 if beyond.any() else len(beyond)
+
 
 @dataclass(frozen=True)
 class Meeting:
@@ -124,9 +134,12 @@ class Sample:
 
 
 def dense(
-    at: Callable[[float], Sample], s: np.ndarray, rules: Rules, room: int
+    at: Callable[[float], Sample], s: np.ndarray, rules: Rules, room: int, cut: bool = False
 ) -> tuple[np.ndarray, list[Sample], str]:
-    """Samples of a piece of the curve at s and in between, and why it ends before the last s; empty if it does not."""
+    """Samples of a piece of the curve at s and in between, and why it ends before the last s; empty if it does not.
+
+    `cut`: none far beyond the arm's length and box, where a run that leaves a saddle grows exponentially.
+    """
     taken: list[float] = []
     samples: list[Sample] = []
     reason, closed = "", set()
@@ -141,6 +154,9 @@ def dense(
                 _towards(at, taken, samples, place, rules)
             break
     while 1 < len(taken) < room:
+        if cut:
+            needed = rules.needed(np.array([sample.x for sample in samples]))
+            del taken[needed:], samples[needed:]
         wanted = [k for k in _wanted(np.array(taken), samples, rules).tolist() if taken[k] not in closed]
         if not wanted:
             break

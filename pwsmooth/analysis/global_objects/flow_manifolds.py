@@ -163,7 +163,7 @@ def _drawn(e: Equilibrium, run: Any, last: Any, stable: bool, rules: Rules) -> t
 
 
 def _samples(run: Any, s: np.ndarray, rules: Rules, room: int, whole: bool) -> list[Sample]:
-    return dense(lambda time: Sample(run(time)), s, rules, room)[1][0 if whole else 1 :]
+    return dense(lambda time: Sample(run(time)), s, rules, room, cut=True)[1][0 if whole else 1 :]
 
 
 def _meeting(arm: Growing, event: Any, stable: bool) -> Meeting:
