@@ -16,11 +16,12 @@ import numpy as np
 
 from .definition import checks
 from .definition.recording import Recorder
-from .paths.budget import MOST_STEPS, opened
+from .paths.budget import MOST_STEPS, Budget, opened
 from .paths.event_driven import LOOSEST, EventDriven, Options, prepared_run
 from .paths.local import run_locally
 from .paths.locality import LOCAL_FROM, MANY, runs_locally
 from .paths.parts import threads_for
+from .paths.stiffness import LOOK, instead, look_after, passes_only
 from .results.solution import Outcome, Solution
 
 
@@ -65,7 +66,9 @@ def solve(
         left at their initial value.
     method : str
         "auto"; event-driven: "taylor", "rk" (Dormand-Prince 8(5,3), the plain alternative), and "stiff" (implicit
-        steps, for bristle laws and the like, whose switches are passed and never slid on); smoothed: "radau5",
+        steps, for bristle laws and the like, whose switches are passed and never slid on). "auto" is "taylor", and
+        "stiff" where {look} steps (of more than ten states fewer) did not reach the end, no switch can slide, and
+        implicit steps need a tenth as many; the solution's `tolerances` say which. Smoothed: "radau5",
         "radau9", "radau13", "taylor", and SciPy's "Radau", "BDF", "LSODA", "DOP853" as an independent cross-check.
     rtol : float, dimensionless
         Relative tolerance; looser than 1e-6 (event-driven) or 1e-3 (smoothed) runs at that bound, and so does
@@ -216,7 +219,30 @@ def solve(
         ready = prepared_run(model, options)
         if with_respect_to is not None and not ready.by_series:
             ready = prepared_run(model, options._replace(dense=True))
-        solution = ready.solve(system, p, t0, t1, start, times, spending, kicks)
+
+        def explicit(within: Budget) -> Solution:
+            return ready.solve(system, p, t0, t1, start, times, within, kicks)
+
+        chooses = method == "auto" and kicks is None and not rows and order is None and not strict
+        if chooses and max_steps > (look := look_after(model)) and passes_only(model):
+            solution = explicit(spending.part(look))
+            if solution.outcome == Outcome.TOO_MANY_STEPS:
+                from .paths.stiff_events import solve_stiff
+
+                tight = min(checks.relative_tolerance(rtol), LOOSEST)
+                absolute, longest = checks.absolute_tolerance(atol, model.states), checks.longest_step(max_step)
+
+                def implicit(span: tuple[float, float], within: Budget) -> Solution:
+                    at = times if span[1] == t1 else None
+                    return solve_stiff(
+                        system, span, np.array(start), p, tight, absolute, at, options.dense, longest, within
+                    )
+
+                if times is not None:  # the steps' own are looked at
+                    solution = ready.solve(system, p, t0, t1, start, None, spending.part(look))
+                solution = instead(solution, explicit, implicit, t1, spending)
+        else:
+            solution = explicit(spending)
         solution.noise = noise
         if with_respect_to is not None:
             solution.derived = derived
@@ -265,7 +291,8 @@ def solve(
     return solution
 
 
-solve.__doc__ = (solve.__doc__ or "").replace("{few}", str(LOCAL_FROM)).replace("{many}", str(MANY))
+for _name, _number in (("few", LOCAL_FROM), ("many", MANY), ("look", LOOK)):
+    solve.__doc__ = (solve.__doc__ or "").replace(f"{{{_name}}}", str(_number))
 
 
 def taped_run(

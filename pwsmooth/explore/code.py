@@ -13,7 +13,7 @@ from .. import plotting
 from ..definition import checks
 from ..sweep.basins import basins, orbit_diagram
 from .describe import characteristic
-from .live import state_of, strobed_by
+from .live import method_of, state_of, strobed_by
 from .subject import Subject
 
 TYPES = {"png": "image/png", "pdf": "application/pdf", "svg": "image/svg+xml"}
@@ -43,9 +43,13 @@ def script(subject: Subject, asked: Mapping[str, Any]) -> str:
 
 
 def _strobes(subject: Subject, asked: Mapping[str, Any]) -> str:
-    """The arguments that say what makes the strobes."""
-    told = {n: v if n == "direction" else str(v) for n, v in strobed_by(subject, asked).items()}
+    """The arguments that say what makes the strobes, and by which method."""
+    told = {n: v if n == "direction" else str(v) for n, v in _by(subject, asked).items()}
     return ", ".join(f"{name}={value!r}" for name, value in told.items())
+
+
+def _by(subject: Subject, asked: Mapping[str, Any]) -> dict[str, Any]:
+    return strobed_by(subject, asked) | method_of(subject, asked)
 
 
 def _own(subject: Subject, name: str) -> float | None:
@@ -101,7 +105,7 @@ def figure(subject: Subject, asked: Mapping[str, Any]) -> bytes:
             low, high, count, name = _diagram(asked)
             values = np.linspace(low, high, count)
             found = orbit_diagram(
-                subject.system.with_parameters(p), name, values, x0, **strobed_by(subject, asked),
+                subject.system.with_parameters(p), name, values, x0, **_by(subject, asked),
                 transient=100, keep=100,
             )  # fmt: skip
             found.plot(ax=drawn.subplots())
@@ -109,7 +113,7 @@ def figure(subject: Subject, asked: Mapping[str, Any]) -> bytes:
             axes, ranges, count = _basins(asked)
             values = {n: np.linspace(a, b, count) for n, (a, b) in zip(axes, ranges)}
             rest = {n: v for n, v in x0.items() if n not in axes}
-            basins(subject.system.with_parameters(p), values, start=rest, **strobed_by(subject, asked)).plot(
+            basins(subject.system.with_parameters(p), values, start=rest, **_by(subject, asked)).plot(
                 ax=drawn.subplots()
             )
         else:

@@ -16,6 +16,7 @@ from ..definition.lambdified import numpy_function
 from ..definition.model import Model
 from ..results.layers import field_over
 from ..results.outputs import vectorised
+from ..results.records import Outcome
 from ..results.sampling import Sampled
 from ..results.solution import Solution
 from ..sweep.contract import Window
@@ -187,6 +188,13 @@ def state_of(subject: Subject, asked: Mapping[str, Any]) -> tuple[dict[str, floa
     return p, x0, span
 
 
+def method_of(subject: Subject, asked: Mapping[str, Any]) -> dict[str, str]:
+    """The method of maps, which do not choose it themselves, as an option: that of the orbit of this state."""
+    p, x0, span = state_of(subject, asked)
+    orbit = subject.solve(span, x0, p, max_steps=LIMITS["steps"], max_seconds=LIMITS["seconds"])
+    return {"method": "stiff"} if orbit.tolerances.get("method") == "stiff" else {}
+
+
 def strobed_by(subject: Subject, asked: Mapping[str, Any]) -> dict[str, Any]:
     """What makes the strobes of a map, as arguments: the period, or `section` = [state, direction], its zeros."""
     if subject.period is not None:
@@ -349,6 +357,13 @@ def _roots(g: np.ndarray) -> list[list[float]]:
 
 def _outcome(solution: Solution) -> str:
     """Why it stopped, or since when it is not unique."""
+    if solution.outcome in (Outcome.TOO_MANY_STEPS, Outcome.TIME_LIMIT):  # whose remedies no page has
+        most = (
+            f"{LIMITS['steps']:_} steps"
+            if solution.outcome == Outcome.TOO_MANY_STEPS
+            else f"{LIMITS['seconds']:g} s"
+        )
+        return f"Stopped at t = {short(solution.t[-1])} after {most}, the most of a picture.".replace("_", " ")
     if not solution.success:
         return solution.message
     unsure = next(iter(solution.ambiguities), None)

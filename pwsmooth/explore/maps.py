@@ -24,7 +24,7 @@ from ..sweep.measures import Points
 from ..sweep.refining import SweepPlan, make_plan, refine, spread
 from .describe import LIMITS
 from .labels import written
-from .live import Answer, state_of, strobed_by
+from .live import Answer, method_of, state_of, strobed_by
 from .subject import Subject
 
 _SLICE = 0.05  # s between two pieces
@@ -46,6 +46,7 @@ def _driven(
     options = {
         "atol": [subject.atol.get(s.name, 1e-12) for s in subject.system.states],
         "max_steps": LIMITS["steps"],
+        **method_of(subject, asked),
     }
     return subject.system.with_parameters(p), x0, strobes, options
 
@@ -156,9 +157,10 @@ def _columns(which: np.ndarray, points: np.ndarray) -> dict[str, np.ndarray]:
 
 def section(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
     """Strobes of the current orbit, ever more of them, until they repeat."""
-    system, x0, strobes, _ = _driven(subject, asked)
+    system, x0, strobes, options = _driven(subject, asked)
+    method = {n: v for n, v in options.items() if n == "method"}
     by = {"period": None, "section": None, "direction": 1} | strobes
-    strobe = poincare_map(system, by["period"], by["section"], by["direction"], LONGEST, {})
+    strobe = poincare_map(system, by["period"], by["section"], by["direction"], LONGEST, method)
     names = [s.name for s in system.states]
     last, progress, size = np.array([[x0[n] for n in names]]), _Progress(_STROBES), 8
     while True:

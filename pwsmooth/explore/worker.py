@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from ..definition import checks
+from ..paths.stiffness import passes_only
 from .describe import LIMITS, describe
 from .frames import pack
 from .state import first_state, restored
@@ -125,6 +126,8 @@ class _Jobs:
                     taken = time.perf_counter() - begun
             if taken < 0.1:  # Newton's method, too; where orbits are slow, this would take minutes
                 next(JOBS["basins"](subject, {"axes": names, "ranges": around, "cells": 2}))
+            if passes_only(subject.system.model):  # a slider may make it so stiff that implicit steps are taken
+                subject.solve(subject.t_span, subject.start, {}, method="stiff", max_steps=1)
 
     def hear(self, message: dict[str, Any]) -> None:
         """Begin what is asked for, in the place of what ran of its kind."""

@@ -1,0 +1,68 @@
+"""Whether stiffness holds explicit steps short: then method="auto" makes implicit ones.
+
+A bristle that slides relaxes within 1/(sigma0 |v|/g), 1e-5 s of a usual one: explicit steps must be as short, however
+slow the motion is. So a run is looked at that `look_after` explicit steps did not bring to its end. Where its motion
+hardly turns from step to step, events are rare, and implicit steps cover the same stretch with `FEWER` times fewer,
+these run it whole, from its start. Every shorter run keeps its steps, and so does one whose switches can slide.
+Chain: stiff_events.py, event_driven.py -> **this file** -> solve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..definition.model import Model
+from ..results.records import Outcome
+from ..results.solution import Solution
+from .budget import Budget
+
+LOOK, _LEAST = 10_000, 1000  # steps: 15 ms of three states; fewer of more than ten, which take longer
+FEWER = 10  # an implicit step takes the time of some four explicit ones
+_RARE = 20  # steps for each event: with fewer it is events that hold the steps
+# Over a hundredth of these steps a motion that stiffness holds goes on in one direction nearly all the time. It gets
+# by half at least of the way that it makes, with stiff bristles, and another one by less than a tenth.
+_APART, _ALONG = 100, 0.25
+
+
+def passes_only(model: Model) -> bool:
+    """Whether the motion only passes its switches, as implicit steps need it: none slides, nothing is held."""
+    families = model.families
+    found = model.multipliers if families is None else families.template.model.multipliers
+    return all(m.kind == "switch" and m.regularity != "sliding" for m in found)
+
+
+def look_after(model: Model) -> int:
+    """So many explicit steps are made before a run is looked at."""
+    return max(_LEAST, min(LOOK, 10 * LOOK // len(model.states)))
+
+
+def instead(
+    looked: Solution, explicit: Callable[[Budget], Solution],
+    implicit: Callable[[tuple[float, float], Budget], Solution], end: float, spending: Budget,
+) -> Solution:  # fmt: skip
+    """The Solution of a run of which `looked` has the first steps, by the steps that suit it.
+
+    `explicit` and `implicit` begin at its start; the latter over a span, and raise ValueError where they cannot.
+    """
+    steps = look_after(looked.model)
+    if _is_held(looked, steps):
+        begin, reached = float(looked.t[0]), float(looked.t[-1])
+        try:
+            if implicit((begin, reached), spending.part(steps // FEWER)).outcome == Outcome.FINISHED:
+                found = implicit((begin, end), spending)
+                if found.success or found.outcome in (Outcome.TOO_MANY_STEPS, Outcome.TIME_LIMIT):
+                    return found
+        except ValueError:  # such steps do not run this system
+            pass
+    return explicit(spending)
+
+
+def _is_held(looked: Solution, steps: int) -> bool:
+    """Whether the steps are far shorter than what the motion does in them."""
+    if _RARE * len(looked.events) > steps:
+        return False
+    size = np.abs(looked.x).max(axis=1, initial=np.finfo(float).tiny)[:, None]
+    way, apart = (np.abs(np.diff(x / size)).sum() for x in (looked.x, looked.x[:, :: steps // _APART]))
+    return bool(apart > _ALONG * way)
