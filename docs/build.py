@@ -28,7 +28,7 @@ BUILD = DOCS / "_build"
 
 def missing_figures(folder: Path, fast: bool) -> list[str]:
     """Names of figures that the folder lacks, or holds as fast ones where full ones are wanted."""
-    from pwsmooth.figures import discover
+    from paper_figures.making import discover
 
     try:
         drawn = json.loads((folder / "claims.json").read_text(encoding="utf-8"))
@@ -46,7 +46,7 @@ def draw_figures(folder: Path, fast: bool) -> None:
     SystemExit
         A figure could not be drawn.
     """
-    from pwsmooth.figures import make
+    from paper_figures.making import make
 
     missing = missing_figures(folder, fast)
     if missing and not make(missing, out=folder, fast=fast):

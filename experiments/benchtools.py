@@ -10,7 +10,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 # The references are shared with the tests, which keep them independent of the package.
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT / "tests"), str(ROOT)]  # models of the tests; paper_figures
 
 PACKAGES = ("pwsmooth", "numpy", "scipy", "sympy", "numba", "llvmlite", "heyoka", "numbalsoda", "scikit-sundae",
             "diffrax", "jax", "nosnoc", "casadi", "solve_nivp")  # fmt: skip

@@ -32,7 +32,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from paper_figures import oscillator as osc
 from pwsmooth import System, find_orbit, follow, solve
-from pwsmooth.paths.linearised import linearise
+from pwsmooth.paths.derivatives.linearised import linearise
 from pwsmooth.plotting import COLOUR, new_figure
 
 MU_S, LAM_S = 16 / 9, 2 / 3

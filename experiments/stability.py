@@ -23,8 +23,8 @@ from pathlib import Path
 from benchtools import provenance, write_json
 from studytools import RESULTS, claim
 
+from paper_figures.claims import counted
 from pwsmooth import plotting
-from pwsmooth.claims import counted
 from pwsmooth.compare.hazards import HAZARDS, StabilityMap, stability
 from pwsmooth.compare.hazards.charts import page
 from pwsmooth.results.files import write_whole

@@ -25,7 +25,7 @@ from paper_figures import oscillator as osc
 from paper_figures.figure_01 import prescribed
 from paper_figures.figure_02 import contact_coefficient
 from pwsmooth import Switch, System, find_orbit, solve
-from pwsmooth.paths.linearised import linearise
+from pwsmooth.paths.derivatives.linearised import linearise
 from pwsmooth.plotting import COLOUR, new_figure
 
 MU_S, LAM_S = 16 / 9, 2 / 3

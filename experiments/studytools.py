@@ -26,8 +26,8 @@ from typing import Any
 import numpy as np
 from benchtools import provenance, write_json
 
+from paper_figures.claims import Claim, counted
 from pwsmooth import plotting
-from pwsmooth.claims import Claim, counted
 from pwsmooth.paths.interrupts import SECONDS, processes
 from pwsmooth.results.files import write_whole
 

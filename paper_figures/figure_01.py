@@ -6,10 +6,10 @@ import numpy as np
 import sympy as sp
 
 from paper_figures import oscillator as osc
+from paper_figures.claims import Claim
 from paper_figures.sources import solid_friction
 from pwsmooth import System, solve
 from pwsmooth.analysis.sticking import fold
-from pwsmooth.figures import Claim
 from pwsmooth.plotting import COLOUR, direction_arrows, new_figure
 
 NAME = "1"

@@ -13,8 +13,8 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import erf, wofz
 
+from paper_figures.claims import Claim
 from paper_figures.sources import IDENTITY, solid_friction
-from pwsmooth.figures import Claim
 from pwsmooth.plotting import COLOUR, new_figure
 
 NAME = "2"

@@ -9,9 +9,9 @@ import numpy as np
 import sympy as sp
 from scipy.optimize import minimize_scalar
 
+from paper_figures.claims import Claim
 from paper_figures.sources import solid_friction
 from pwsmooth.analysis.sticking import fold
-from pwsmooth.figures import Claim
 from pwsmooth.plotting import COLOUR, LINEAR_SHADE, NONLINEAR_SHADE, new_figure
 
 NAME = "4"

@@ -5,9 +5,9 @@ import sympy as sp
 
 from paper_figures import oscillator as osc
 from paper_figures.blown_up import SPEED_SCALE, dress, fibre, head, manifold, slip_planes
+from paper_figures.claims import Claim
 from paper_figures.sources import solid_friction
 from pwsmooth import System, solve
-from pwsmooth.figures import Claim
 from pwsmooth.plotting import COLOUR, new_figure
 
 NAME = "5"

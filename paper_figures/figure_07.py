@@ -3,9 +3,9 @@
 import numpy as np
 
 from paper_figures import oscillator as osc
+from paper_figures.claims import Claim
 from paper_figures.drawing import event_driven_characteristic, pieces
 from paper_figures.sources import solid_friction
-from pwsmooth.figures import Claim
 from pwsmooth.plotting import COLOUR, direction_arrows, new_figure, phase
 
 NAME = "7"

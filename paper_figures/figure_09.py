@@ -3,9 +3,9 @@
 import numpy as np
 
 from paper_figures import oscillator as osc
+from paper_figures.claims import Claim
 from paper_figures.drawing import layer_visits, phase_legend, smoothed_characteristic
 from paper_figures.sources import solid_friction
-from pwsmooth.figures import Claim
 from pwsmooth.plotting import COLOUR, new_figure
 
 NAME = "9"

@@ -3,8 +3,8 @@
 import numpy as np
 
 from paper_figures import kicked
+from paper_figures.claims import Claim
 from paper_figures.sources import solid_friction
-from pwsmooth.figures import Claim
 from pwsmooth.plotting import new_figure
 
 NAME = "11"

@@ -4,9 +4,9 @@ import numpy as np
 
 from paper_figures import kicked
 from paper_figures import oscillator as osc
+from paper_figures.claims import Claim
 from paper_figures.drawing import phase_legend, smoothed_status
 from paper_figures.sources import solid_friction
-from pwsmooth.figures import Claim
 from pwsmooth.plotting import COLOUR, by_phase, new_figure
 
 NAME = "13"

@@ -4,8 +4,8 @@ import numpy as np
 import sympy as sp
 
 from paper_figures import friction as fr
+from paper_figures.claims import Claim
 from paper_figures.sources import EXPECTED, computed, friction_thesis
-from pwsmooth.figures import Claim
 from pwsmooth.plotting import COLOUR, new_figure
 
 NAME = "4.8"

@@ -3,9 +3,9 @@
 import numpy as np
 import sympy as sp
 
+from paper_figures.claims import Claim
 from paper_figures.contact import COLOUR, contact_curves
 from paper_figures.sources import EXPECTED, IDENTITY, friction_thesis
-from pwsmooth.figures import Claim
 from pwsmooth.laws.contact import HuntCrossley, KelvinVoigt, LinearResidual, ResidualIndentation
 from pwsmooth.plotting import direction_arrows, new_figure
 from pwsmooth.scenes import free_impact, pressed_block, t

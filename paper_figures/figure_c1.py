@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from paper_figures.claims import Claim
 from paper_figures.contact import contact_curves
 from paper_figures.sources import EXPECTED
-from pwsmooth.figures import Claim
 from pwsmooth.laws.contact import ResidualIndentation
 from pwsmooth.plotting import new_figure
 from pwsmooth.scenes import free_impact

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from paper_figures.claims import Claim
 from paper_figures.contact import COLOUR, DASH
 from paper_figures.sources import EXPECTED, closed_form, computed, friction_thesis
-from pwsmooth.figures import Claim
 from pwsmooth.laws.contact import (
     HertzImpact,
     HuntCrossley,

@@ -5,9 +5,9 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
+from paper_figures.claims import Claim
 from paper_figures.contact import COLOUR
 from paper_figures.sources import IDENTITY, clearance_joint, closed_form
-from pwsmooth.figures import Claim
 from pwsmooth.laws.contact import ETA, HertzImpact, LiuImpact, composite_modulus, effective_restitution
 from pwsmooth.plotting import new_figure
 from pwsmooth.scenes import free_impact

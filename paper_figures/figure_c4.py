@@ -1,8 +1,8 @@
 """Contact figure 4: force-indentation and velocity-indentation curves of the laws with a restitution."""
 
+from paper_figures.claims import Claim
 from paper_figures.contact import COLOUR, DASH, contact_curves
 from paper_figures.sources import IDENTITY, clearance_joint, closed_form
-from pwsmooth.figures import Claim
 from pwsmooth.laws.contact import (
     BaiImpact,
     HertzImpact,

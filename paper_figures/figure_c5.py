@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from paper_figures.claims import Claim
 from paper_figures.sources import EXPECTED, IDENTITY, clearance_joint, computed
-from pwsmooth.figures import Claim
 from pwsmooth.plotting import new_figure
 from pwsmooth.scenes import IdealSliderCrank, slider_crank
 

@@ -4,8 +4,8 @@ import numpy as np
 import sympy as sp
 from matplotlib.lines import Line2D
 
+from paper_figures.claims import Claim
 from paper_figures.sources import EXPECTED, IDENTITY, closed_form
-from pwsmooth.figures import Claim
 from pwsmooth.laws import friction
 from pwsmooth.plotting import COLOUR, new_figure
 from pwsmooth.scenes import force_driven, prescribed_motion, t

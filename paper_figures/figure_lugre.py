@@ -3,8 +3,8 @@
 import numpy as np
 import sympy as sp
 
+from paper_figures.claims import Claim
 from paper_figures.sources import EXPECTED, IDENTITY, closed_form, computed
-from pwsmooth.figures import Claim
 from pwsmooth.laws import friction
 from pwsmooth.plotting import COLOUR, new_figure
 from pwsmooth.scenes import block_on_belt, force_driven, position_control, prescribed_motion, t

@@ -9,7 +9,7 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
-from pwsmooth.claims import ORIGINS
+from paper_figures.claims import ORIGINS
 
 SOURCES = {
     "solid_friction": "M. R. Jeffrey, On the mathematical basis of solid friction",

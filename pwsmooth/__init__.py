@@ -7,7 +7,6 @@ failure raises nothing: the Solution keeps what came before it, and its `outcome
 """
 
 import importlib
-import importlib.util
 import sys
 import types
 
@@ -20,11 +19,11 @@ _HOME = {
     "Memory": "definition.primitives",
     "Unilateral": "definition.primitives",
     "Algebraic": "definition.primitives",
-    "Family": "definition.family",
-    "Recorder": "definition.recording",
-    "Histogram": "definition.event_statistics",
-    "Activity": "definition.event_statistics",
-    "SlipHistogram": "definition.event_statistics",
+    "Family": "definition.families.family",
+    "Recorder": "definition.families.recording",
+    "Histogram": "definition.families.event_statistics",
+    "Activity": "definition.families.event_statistics",
+    "SlipHistogram": "definition.families.event_statistics",
     "Drive": "definition.drives",
     "Control": "definition.controls",
     "Kicks": "noise.kicks",
@@ -50,40 +49,6 @@ _HOME = {
 }
 
 __all__ = [*_HOME]
-
-# Where public modules stood in earlier versions: their names still lead to what they have become.
-_MOVED = {
-    "primitives": "definition.primitives",
-    "family": "definition.family",
-    "sigmoids": "definition.sigmoids",
-    "diffusion": "noise.diffusion",
-    "noise_ensemble": "sweep.ensemble",
-    "records": "results.records",
-    "solution": "results.solution",
-    "analysis.basins": "sweep.basins",
-    **{
-        f"compare.{name}": f"compare.work_precision.{name}"
-        for name in ("case", "cases", "measuring", "methods", "points")
-    },
-}
-
-
-class _Moved:
-    """Finder and loader of the modules of _MOVED."""
-
-    def find_spec(self, name, path=None, target=None):
-        if name.removeprefix(f"{__name__}.") in _MOVED:
-            return importlib.util.spec_from_loader(name, self)
-
-    def create_module(self, spec):
-        return None
-
-    def exec_module(self, module):
-        now = _MOVED[module.__name__.removeprefix(f"{__name__}.")]
-        sys.modules[module.__name__] = importlib.import_module(f".{now}", __name__)
-
-
-sys.meta_path.append(_Moved())
 
 
 def on_first_use(package, home):

@@ -6,6 +6,7 @@ Only typer is imported here, so that `pwsmooth --help` is quick; each command im
 from __future__ import annotations
 
 import contextlib
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
@@ -45,6 +46,19 @@ def _in_words(command: str, interrupted: str = "interrupted.") -> Iterator[None]
         raise typer.Exit(130) from None
 
 
+def _find_paper_figures() -> None:
+    """Make `paper_figures` importable: it stands beside the package, or in the working directory; else a ValueError."""
+    for root in (Path(__file__).resolve().parent.parent, Path.cwd()):
+        if (root / "paper_figures").is_dir() and (root / "pyproject.toml").is_file():
+            if str(root) not in sys.path:
+                sys.path.insert(0, str(root))
+            return
+    raise ValueError(
+        "the scripts of the figures are not part of the installed package. Unpack the project's source archive (or "
+        "clone the project), go to its folder, and run `pip install -e . && pwsmooth figures` there."
+    )
+
+
 @app.callback()
 def root(
     version: Annotated[
@@ -71,11 +85,12 @@ def figures(
 ) -> None:
     """Make the figures of the sources, and a table of which of their claims hold.
 
-    Runs in a checkout of the project, where the scripts of the figures are.
+    Runs from the project's source archive or a checkout, where the scripts of the figures are.
     """
-    from pwsmooth import figures as machinery
-
     with _in_words("figures", "interrupted; the figures listed above are complete."):
+        _find_paper_figures()
+        from paper_figures import making as machinery
+
         if list_only:
             machinery.print_list()
             return

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from .definition import checks
-from .definition.recording import Recorder
+from .definition.families.recording import Recorder
+from .door import checks
 from .paths.budget import MOST_STEPS, Budget, opened
 from .paths.event_driven import LOOSEST, EventDriven, Options, prepared_run
 from .paths.local import run_locally
@@ -153,7 +153,7 @@ def solve(
                 "and derivatives; leave it out, or write the model in symbols."
             )
     if with_respect_to is not None:
-        from .derivatives import Derivatives, quantities, run_beside
+        from .paths.derivatives.of_solution import Derivatives, quantities, run_beside
 
         system = given = system._written_out()
         wanted = quantities(system, with_respect_to)

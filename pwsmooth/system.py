@@ -25,14 +25,13 @@ from typing import NamedTuple
 import numpy as np
 import sympy as sp
 
-from .definition import checks, discs, one_element
-from .definition.describe import DescribedSystem
+from .definition import discs, one_element
 from .definition.drives import drive
-from .definition.expansion import spread
+from .definition.families.expansion import spread
+from .definition.families.many import MANY, Numbers, Symbols, carried
 from .definition.functions import check_start, read_functions
 from .definition.lifting import plain
 from .definition.lowering import lower
-from .definition.many import MANY, Numbers, Symbols, carried
 from .definition.mechanics import arguments_of, mechanism
 from .definition.notation import named_rows, rate_of, solved_for_rates, time_of, without_impulses
 from .definition.primitives import Disc
@@ -41,6 +40,8 @@ from .definition.regularity import Surface
 from .definition.reversal import backward
 from .definition.sigmoids import sigmoid as sigmoid_of
 from .definition.views import filippov, hidden_part, layered, smoothed, time_constant, unlayered
+from .door import checks
+from .door.describe import DescribedSystem
 
 
 class HiddenTerm(NamedTuple):

@@ -25,7 +25,7 @@ GROUPS = {
     "Scenes": ("pwsmooth.scenes",),
     "Sweeps and fits": ("pwsmooth.sweep", "pwsmooth.fit"),
     "Comparisons": ("pwsmooth.compare",),
-    "Charts and figures": ("pwsmooth.plotting", "pwsmooth.figures"),
+    "Charts": ("pwsmooth.plotting",),
 }
 
 

@@ -26,7 +26,7 @@ from page import (
 )
 
 from paper_figures import statements
-from pwsmooth.claims import ORIGINS, counted, tally
+from paper_figures.claims import ORIGINS, counted, tally
 
 GALLERY = AUTO / "figures"
 

@@ -28,8 +28,8 @@ import math
 import numpy as np
 import sympy as sp
 
+from paper_figures.claims import Claim
 from pwsmooth import System, find_orbit
-from pwsmooth.figures import Claim
 from pwsmooth.plotting import COLOUR, new_figure
 
 NAME = "den-hartog"

@@ -3,7 +3,7 @@
     q_k+1 r_k = F_k q_k     (QR decompositions),     exponent_i = lim sum_k log|r_k,ii| / time
 
 with the factors F of the fundamental matrix, steps and what the instants do (P. C. Mueller, Chaos, Solitons &
-Fractals, 1995): along the tape of an event-driven run (paths/tangents.py), else those of variations.py. A stick
+Fractals, 1995): along the tape of an event-driven run (tangents.py), else those of variations.py. A stick
 annihilates a direction: its exponent is -inf, and that is the truth. On a periodic orbit the exponents are
 log|multiplier|/period.
 
@@ -20,11 +20,11 @@ from typing import Any
 
 import numpy as np
 
-from ..definition import calls, checks
-from ..definition.describe import Described, Rows, listed
+from ..door import calls, checks
+from ..door.describe import Described, Rows, listed
 from ..paths.budget import opened, whole
-from ..paths.growth import growth
-from ..paths.tangents import Tape
+from ..paths.derivatives.growth import growth
+from ..paths.derivatives.tangents import Tape
 from ..results.records import Outcome
 from ..results.solution import Solution
 from ..solve import solve, taped_run

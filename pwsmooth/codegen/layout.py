@@ -11,8 +11,8 @@ from itertools import accumulate
 
 import numpy as np
 
+from ..definition.families.template import LINKED, Template
 from ..definition.model import Model, Table, tables_of
-from ..definition.template import LINKED, Template
 
 NO_TABLE = Table("none", np.zeros((1, 1)), 0.0)
 

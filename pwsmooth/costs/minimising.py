@@ -22,8 +22,8 @@ import sympy as sp
 from sympy.core.relational import GreaterThan, LessThan, StrictGreaterThan, StrictLessThan
 from sympy.logic.boolalg import BooleanAtom
 
-from ..definition import calls, checks
-from ..derivatives import START_TIME, NoDerivative
+from ..door import calls, checks
+from ..paths.derivatives.of_solution import START_TIME, NoDerivative
 from .minimum import HELD, Evaluation, Minimum
 from .objective import Objective
 from .telling import telling

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..definition import checks
-from ..definition.describe import Described, Rows, values
-from ..derivatives import NoDerivative
+from ..door import checks
+from ..door.describe import Described, Rows, values
+from ..paths.derivatives.of_solution import NoDerivative
 from ..solve import solve
 
 HELD = 1e-7  # violation up to which a constraint counts as held

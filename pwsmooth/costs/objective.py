@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..definition import calls, checks
 from ..definition.lambdified import numpy_function
-from ..derivatives import quantities
+from ..door import calls, checks
 from ..paths.budget import MOST_STEPS, opened
+from ..paths.derivatives.of_solution import quantities
 from ..paths.event_driven import Checkpoint, EventDriven
 from ..solve import solve, taped_run
 from .quantities import Quantity

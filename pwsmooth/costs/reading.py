@@ -15,9 +15,9 @@ import numpy as np
 import sympy as sp
 
 from ..definition.lambdified import numpy_function
-from ..derivatives import NoDerivative, Quantities, problems
+from ..paths.derivatives.of_solution import NoDerivative, Quantities, problems
+from ..paths.derivatives.tangents import Readings, Slopes
 from ..paths.limits import limits
-from ..paths.tangents import Readings, Slopes
 from ..results import outputs
 from .quantities import Quantity
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import sympy as sp
 
-from . import checks
+from ..door import checks
 from .primitives import Event, Memory
 
 _SHORTEST = 1e-3  # of the mean length of a piece

@@ -14,7 +14,7 @@ import copy
 import numpy as np
 import sympy as sp
 
-from . import checks
+from ..door import checks
 from .model import Entry, EventSpec, Table
 from .primitives import Memory
 

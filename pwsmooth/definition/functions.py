@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import sympy as sp
 
-from . import checks
+from ..door import checks
 from .model import EventSpec, Model, Multiplier
 from .primitives import Event
 

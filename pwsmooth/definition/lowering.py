@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 import sympy as sp
 
-from . import checks
+from ..door import checks
 from .discs import LiftedDisc, is_affine
 from .model import EventSpec, Model, Multiplier, of_event
 from .pointwise import draw, value

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from . import checks
+from ..door import checks
 from .notation import rate_symbol, solved_rows
 from .primitives import Unilateral
 

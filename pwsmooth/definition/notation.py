@@ -14,7 +14,7 @@ from collections.abc import Mapping
 import sympy as sp
 from sympy.core.function import AppliedUndef
 
-from . import checks
+from ..door import checks
 from .primitives import Algebraic, Event
 
 

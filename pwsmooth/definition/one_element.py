@@ -14,18 +14,19 @@ from functools import cached_property
 import numpy as np
 import sympy as sp
 
-from . import checks, lifting, lowering
+from ..door import checks
+from . import lifting, lowering
 from . import reading as definition
-from .between import Neighbours, NoTemplate
-from .expansion import Expansion, spread
-from .family import Family, MemberMemory, MemberSum, involved
-from .many import Numbers, Symbols
+from .families.between import Neighbours, NoTemplate
+from .families.expansion import Expansion, spread
+from .families.family import Family, MemberMemory, MemberSum, involved
+from .families.many import Numbers, Symbols
+from .families.template import LINKED, MARK, Families, Level, Place, Template, family_model, named
 from .model import Held, Model, Multiplier, Select, Table
 from .primitives import Memory
 from .reading import Definition
 from .regularity import second_derivative, total_derivative
 from .singular import watched
-from .template import LINKED, MARK, Families, Level, Place, Template, family_model, named
 
 TEMPLATE_FROM = 8
 

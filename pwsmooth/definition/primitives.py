@@ -21,7 +21,7 @@ from typing import Any
 
 import sympy as sp
 
-from . import checks
+from ..door import checks
 
 TOGETHER = "add", "set"  # what of an assignment and of what others add to the same state holds
 

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from . import checks, drives
+from ..door import checks
+from . import drives
 from .controls import Control
-from .expansion import Expansion
+from .families.expansion import Expansion
 from .lifting import Lifting, plain
 from .lowering import Field
 from .model import Beside, EventSpec, of_event

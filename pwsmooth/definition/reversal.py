@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import sympy as sp
 
-from . import checks
+from ..door import checks
 from .model import Select
 from .regularity import total_derivative
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
-from . import checks
+from ..door import checks
 from .lambdified import numpy_function
 from .model import Model
 

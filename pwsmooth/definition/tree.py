@@ -16,10 +16,10 @@ import numpy as np
 import sympy as sp
 from sympy.functions.elementary.piecewise import ExprCondPair
 
-from . import checks
+from ..door import checks
 from .controls import Control
 from .drives import Drive, rewritten, written
-from .family import Family, Links, Member, MemberMemory, MemberSum, OfNeighbour
+from .families.family import Family, Links, Member, MemberMemory, MemberSum, OfNeighbour
 from .model import Select
 from .primitives import Algebraic, Component, Disc, Event, Memory, Reaction, Switch, Unilateral
 

@@ -1,6 +1,6 @@
 """Pictures of diagrams and bifurcation sets: one colour and one mark for every kind of bifurcation, in all of them.
 
-Chain: plotting.py -> **drawing** -> result.py, sets.py.
+Chain: plotting/__init__.py -> **drawing** -> result.py, sets.py.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from ..analysis.equilibria.finding import equilibria
 from ..analysis.maps.sections import Stroboscopic, poincare_map
 from ..analysis.maps.symmetry import symmetry_matrix
 from ..analysis.orbits.periodic_orbit import PeriodicOrbit
-from ..definition import checks
+from ..door import checks
 from ..results.records import Outcome
 from ..sweep import Period, Points, sweep
 from ..sweep.identity import digest

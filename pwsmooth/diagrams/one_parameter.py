@@ -10,7 +10,7 @@ from concurrent.futures import Executor
 from typing import Any
 
 from ..analysis.maps.sections import LONGEST
-from ..definition import calls, checks
+from ..door import calls, checks
 from .looking import DOOR, SWEEPS, Starts, looking
 from .plain import values_of
 from .result import Diagram

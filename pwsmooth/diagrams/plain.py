@@ -29,7 +29,7 @@ from ..analysis.orbits.finding import refine
 from ..analysis.orbits.fixed_points import orbit_of, relative
 from ..analysis.orbits.itineraries import Change, Letter
 from ..analysis.orbits.periodic_orbit import PeriodicOrbit
-from ..definition import checks
+from ..door import checks
 
 SHRUNK = "continued"
 

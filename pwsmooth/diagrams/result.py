@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..definition import checks
-from ..definition.describe import Described, Rows, some
+from ..door import checks
+from ..door.describe import Described, Rows, some
 from .line import Line, uncovered
 from .plain import Setting, made_bifurcation
 from .searching import IN_A_SET, NOWHERE, Ends

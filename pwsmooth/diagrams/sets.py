@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..definition import checks
-from ..definition.describe import Described, Rows, some
+from ..door import checks
+from ..door.describe import Described, Rows, some
 from .growing import Grown
 from .result import Diagram
 from .work import RESULT, Store, read_result, write_group

@@ -16,7 +16,7 @@ from pydantic import Field, model_validator
 
 from ..analysis.maps.sections import LONGEST
 from ..codegen.machine.workers import cores
-from ..definition import checks
+from ..door import checks
 from ..sweep.study import Names, StudyError, SystemTable, Table, Values, read_study, system_of, values_of
 from .one_parameter import diagram
 from .two_parameters import bifurcation_set

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..analysis.maps.sections import LONGEST
-from ..definition import calls, checks
+from ..door import calls, checks
 from .growing import KINDS, Grown, grown
 from .looking import DOOR, SWEEPS, Starts, looking
 from .plain import values_of

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from ..definition import checks
+from ..door import checks
 from ..paths import interrupts
 from ..sweep import stored
 from ..sweep.dataset import version_items

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .. import plotting
-from ..definition import checks
+from ..door import checks
 from ..sweep.basins import basins, orbit_diagram
 from .describe import characteristic
 from .live import method_of, state_of, strobed_by

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..definition import checks
+from ..door import checks
 from .bundle import module, static, style
 from .describe import describe
 from .frames import pack

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..definition import checks
 from ..definition.lambdified import numpy_function
 from ..definition.model import Model
+from ..door import checks
 from ..results.layers import field_over
 from ..results.outputs import vectorised
 from ..results.records import Outcome

@@ -17,7 +17,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 from ..analysis.maps.sections import LONGEST, poincare_map
 from ..codegen.machine.workers import cores
-from ..definition import checks
+from ..door import checks
 from ..noise.diffusion import Diffusion
 from ..sweep.basins import orbit_diagram, refine_basins
 from ..sweep.measures import Points

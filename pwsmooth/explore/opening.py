@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..definition import checks
+from ..door import checks
 from ..results.files import write_whole
 from ..results.solution import Solution
 from .code import figure, script

@@ -12,7 +12,7 @@ from typing import Any
 
 import sympy as sp
 
-from ..definition import checks
+from ..door import checks
 from ..noise.kicks import Kicks
 from ..scenes.drive import t
 from ..scenes.scene import Scene

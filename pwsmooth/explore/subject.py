@@ -13,8 +13,8 @@ import numpy as np
 import sympy as sp
 
 from .. import scenes
-from ..definition import checks
 from ..definition.lambdified import numpy_function
+from ..door import checks
 from ..noise.diffusion import Diffusion
 from ..noise.kicks import Kicks
 from ..results.solution import Solution

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..definition import checks
+from ..door import checks
 from ..paths.stiffness import passes_only
 from .describe import LIMITS, describe
 from .frames import pack

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..costs.telling import telling
-from ..definition import checks
+from ..door import checks
 from ..scenes import Scene
 from .coordinates import Coordinates, coordinate
 from .gauss_newton import ALL, STUCK, Iteration, Minimum, minimise

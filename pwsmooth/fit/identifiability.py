@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..definition import checks
-from ..definition.describe import Described, Rows
+from ..door import checks
+from ..door.describe import Described, Rows
 
 _BLIND = 1e-9  # of the largest singular value: what is below is rounding
 _WORTH = 0.05  # of a direction: smaller parts are not told

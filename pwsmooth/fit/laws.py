@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ..definition import checks
 from ..definition.drives import Drive
+from ..door import checks
 from ..laws import Law
 from ..scenes import prescribed_motion
 from .fitting import fit

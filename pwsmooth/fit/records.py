@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..definition import checks
-from ..definition.describe import Described, Rows, listed, values
+from ..door import checks
+from ..door.describe import Described, Rows, listed, values
 
 __all__ = ["Record"]
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..definition import checks
-from ..definition.describe import Described, Rows
+from ..door import checks
+from ..door.describe import Described, Rows
 from .gauss_newton import Minimum, minimise
 from .identifiability import Identifiability, covariance
 from .records import Record

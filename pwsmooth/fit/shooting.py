@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..definition import checks
+from ..door import checks
 from ..results.solution import Solution
 from ..scenes import Scene
 from ..solve import solve

@@ -23,10 +23,10 @@ from typing import Any, ClassVar, dataclass_transform
 
 import sympy as sp
 
-from ..definition import checks
 from ..definition.lambdified import numpy_function
 from ..definition.model import of_event
 from ..definition.primitives import Algebraic, Event, Unilateral, symbols_of
+from ..door import checks
 from .documenting import documented
 from .joint import Joint
 

@@ -9,7 +9,7 @@ with Sgn(0) = [-1, 1] and the diode map dio(w) = {0} for w > 0, [0, inf) for w =
 
 import sympy as sp
 
-from ..definition import checks
+from ..door import checks
 
 __all__ = ["clip", "dio_defect", "max_of_dio", "sat_of_sgn", "sgn_defect"]
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import sympy as sp
 
-from ..definition import checks
-from ..definition.family import Family, family_of
+from ..definition.families.family import Family, family_of
 from ..definition.primitives import Disc, Memory, Switch
+from ..door import checks
 
 __all__ = ["Joint"]
 

@@ -16,10 +16,10 @@ from types import SimpleNamespace
 
 import sympy as sp
 
-from ..definition.between import Neighbours, NoTemplate
+from ..definition.families.between import Neighbours, NoTemplate
+from ..definition.families.template import LINKED, Template
 from ..definition.model import Model
 from ..definition.pointwise import draw, value
-from ..definition.template import LINKED, Template
 
 Source = tuple[str, int | None]
 

@@ -12,11 +12,11 @@ from typing import Any
 
 import sympy as sp
 
-from ..definition import checks
-from ..definition.between import NoTemplate
-from ..definition.expansion import Expansion
+from ..definition.families.between import NoTemplate
+from ..definition.families.expansion import Expansion
+from ..definition.families.template import MARK
 from ..definition.one_element import OneElement
-from ..definition.template import MARK
+from ..door import checks
 
 # Index of a state, source (a name, and 0 where each element has its own of that name), amplitude.
 Entry = tuple[int, tuple[str, int | None], sp.Expr]

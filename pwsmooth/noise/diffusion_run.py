@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..definition import checks
-from ..definition.many import carried
+from ..definition.families.many import carried
+from ..door import checks
 from ..paths.event_driven import EventDriven, Options
 from .diffusion import Diffusion
 from .lowering import NEAREST, lower, meaning, split

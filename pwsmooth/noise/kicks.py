@@ -24,9 +24,9 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..definition import checks
+from ..definition.families.template import family_model
 from ..definition.model import EventSpec, Model
-from ..definition.template import family_model
+from ..door import checks
 
 LAWS = ("uniform", "normal", "laplace")
 

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..definition import checks
-from ..definition.between import NoTemplate
 from ..definition.discs import discs_of
+from ..definition.families.between import NoTemplate
+from ..definition.families.template import Families, family_model
 from ..definition.model import Held, Model, Multiplier
-from ..definition.template import Families, family_model
 from ..definition.views import substitutes
+from ..door import checks
 from .amplitudes import Amplitudes, Source, vanishes
 
 NEAREST = sp.Symbol("amplitude_nearest", real=True)  # the finest step: what a path does in it is not looked at

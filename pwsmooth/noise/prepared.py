@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..definition import checks
+from ..door import checks
 from .kicks import KickedRun, Kicks
 
 

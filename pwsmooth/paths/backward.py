@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..definition import checks
+from ..door import checks
 from ..results import outputs
 from ..results.records import EventRecord, Outcome
 from ..results.solution import Solution

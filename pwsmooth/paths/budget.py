@@ -22,7 +22,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from ..definition import checks
+from ..door import checks
 
 SLICE = 10_000  # steps between two looks at the clock: some milliseconds, of the largest systems a second
 MOST_STEPS = 10_000_000  # of a call that names no bound

@@ -12,17 +12,17 @@ from typing import Any, NamedTuple
 import numpy as np
 import sympy as sp
 
-from ..definition import checks
 from ..definition.model import Model
+from ..door import checks
 from ..kernels import state as names
 from ..results.records import Dense, EventLog, Outcome, course
 from ..results.solution import Solution
 from . import memory
 from .budget import SLICE, Budget
 from .clock import instants_of_time
+from .derivatives.tangents import Tape
 from .levels import Levels
 from .problem import compiled_problem, longest_step
-from .tangents import Tape
 from .words import ambiguities_in_words, event_words, singular_cause
 
 _BREAKDOWNS = Outcome.NOT_FINITE, Outcome.STEP_UNDERFLOW

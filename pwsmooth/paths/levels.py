@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..definition.template import Families
+from ..definition.families.template import Families
 from ..kernels import state as names
 
 _LEAN = 2**16  # elements at a time: of millions what lies between takes much room

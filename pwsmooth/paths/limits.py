@@ -5,7 +5,7 @@ deviations of the instants are a sum of terms q^(ik) and k q^(ik), with the rati
 what is left, and their slopes by q. Each (E - q^i)/(1 - q^i), with the shift E from one instant to the next, takes one
 of them away and leaves the limit, so that bounces tell it of which each is known to all digits.
 Source: Sidi, Practical Extrapolation Methods, 2003, chapter 1 (Richardson's process with double terms).
-Chain: the tape's instants -> **here** -> derivatives.py, costs/reading.py.
+Chain: the tape's instants -> **here** -> paths/derivatives/of_solution.py, costs/reading.py.
 """
 
 from __future__ import annotations

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from ..definition.families.recording import Recorder
+from ..definition.families.template import LINKED, family_model
 from ..definition.model import Beside, Multiplier
 from ..definition.pointwise import value
-from ..definition.recording import Recorder
-from ..definition.template import LINKED, family_model
 from ..kernels import state as names
 from ..kernels.local import state as local
 from ..results.assembly import Catalogue, Recorded, StoredLog, Writer

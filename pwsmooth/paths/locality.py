@@ -12,9 +12,9 @@ import numpy as np
 import sympy as sp
 from sympy.solvers.solveset import NonlinearError
 
-from ..definition import checks
+from ..definition.families.template import Families, family_model
 from ..definition.model import Held, Model, Select
-from ..definition.template import Families, family_model
+from ..door import checks
 from ..kernels import state as names
 from .problem import FEW, CompiledProblem, compiled_problem
 

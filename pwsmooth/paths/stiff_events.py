@@ -17,8 +17,8 @@ import sympy as sp
 
 from ..codegen.graph.dag import UNARY
 from ..codegen.taylor.recurrences import FLAT
+from ..definition.families.template import family_model, named
 from ..definition.model import EventSpec, Model, Select
-from ..definition.template import family_model, named
 from ..results.records import course
 from ..results.solution import Solution
 from .budget import Budget

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pwsmooth.definition import checks
 from pwsmooth.definition.model import Model
+from pwsmooth.door import checks
 from pwsmooth.kernels.outcome import Outcome
 from pwsmooth.kernels.state import ALWAYS, PLAIN, SILENT, TIMED
 from pwsmooth.kernels.stiff import state as S

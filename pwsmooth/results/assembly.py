@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..definition import checks
+from ..door import checks
 from .records import EventLog
 
 COLUMNS = {"t": "f8", "surface": "i4", "element": "i4", "kind": "i1", "came": "i1", "went": "i1"}

@@ -1,6 +1,6 @@
 """Statistics of the events of a large family, added up while a run goes on: memory does not grow with its length.
 
-Chain: definition/event_statistics.py, assembly.py -> **this file** -> paths/local.py, which gives the events up block
+Chain: event_statistics.py, assembly.py -> **this file** -> paths/local.py, which gives the events up block
 by block.
 """
 
@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..definition.event_statistics import WAITING, Activity, Histogram, SlipHistogram
+from ..definition.families.event_statistics import WAITING, Activity, Histogram, SlipHistogram
 from .assembly import Slips, cluster, slips_between
 
 _AT_ONCE = 1e-12  # of the time

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..definition import checks
 from ..definition.sigmoids import sigmoid
+from ..door import checks
 from .outputs import vectorised
 
 _POINTS = 401  # of lambda from -1 to 1

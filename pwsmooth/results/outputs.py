@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from ..definition.families.template import LINKED, Families, named
 from ..definition.lambdified import numpy_function
 from ..definition.model import Held, Model, Select
-from ..definition.template import LINKED, Families, named
 
 
 def vectorised(model: Model, expression: sp.Basic, further: tuple[sp.Symbol, ...] = ()) -> Any:

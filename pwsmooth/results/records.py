@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..definition import checks
-from ..definition.describe import Described, Rows, some
+from ..door import checks
+from ..door.describe import Described, Rows, some
 from ..kernels.outcome import Outcome
 
 __all__ = ["Ambiguity", "Dense", "EventLog", "EventRecord", "Outcome", "Segment"]

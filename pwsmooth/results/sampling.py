@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..definition.describe import Described, Rows
+from ..door.describe import Described, Rows
 from .records import EventLog
 
 _PASSES = 8  # of thinning, each of which leaves half of the points at best

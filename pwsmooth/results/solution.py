@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import sympy as sp
 
-from ..definition import checks
-from ..definition.describe import Described, Rows, listed, values
-from ..definition.many import Numbers, Symbols
+from ..definition.families.many import Numbers, Symbols
 from ..definition.model import Model
 from ..definition.views import substitutes
+from ..door import checks
+from ..door.describe import Described, Rows, listed, values
 from . import outputs
 from .records import KINDS, Ambiguity, AmbiguityLog, Dense, EventLog, EventRecord, Listed, Outcome, Segment
 
@@ -142,7 +142,9 @@ class Solution(Described):
             self.parameters = {getattr(key, "name", key): float(value) for key, value in parameters.items()}
         self.noise: Any = None  # what solve(noise=...) was given
         self.sketch: Any = None  # of the scene that was solved
-        self.tape: Any = None  # paths/tangents.py, of an event-driven run with dense output or derivatives
+        self.tape: Any = (
+            None  # paths/derivatives/tangents.py, of an event-driven run with dense output or derivatives
+        )
         self.whole: Any = None  # of a run without a tape that was asked for times, the one with its own
         self.recorded: Any = None  # elements of a large family that were kept, and its events
         self.catalogue: Any = None
@@ -704,7 +706,7 @@ class Solution(Described):
         >>> len(film.to_jshtml()) > 10_000
         True
         """
-        from .. import films
+        from ..plotting import films
 
         sketch = self.sketch if sketch is None else sketch
         if not (hasattr(sketch, "pose") and hasattr(sketch, "describe")):

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..definition import checks
-from ..definition.family import Family
+from ..definition.families.family import Family
 from ..definition.primitives import Event, Switch, Unilateral
+from ..door import checks
 from ..laws import Law
 from ..system import System
 from . import sketches

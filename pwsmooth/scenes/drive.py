@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..definition import checks
 from ..definition.drives import Drive
 from ..definition.lambdified import numpy_function
+from ..door import checks
 from ..laws import Law
 
 #: Time in every scene, s: drives are expressions of it.

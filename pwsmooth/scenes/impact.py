@@ -13,7 +13,7 @@ from typing import Any
 
 import sympy as sp
 
-from ..definition import checks
+from ..door import checks
 from ..laws import Law
 from . import sketches
 from .drive import door, expression, t

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 
 import sympy as sp
 
-from ..definition import checks
 from ..definition.primitives import Event, Memory
+from ..door import checks
 from ..laws import Law, Pieces
 
 __all__ = ["ClearanceJoint", "clearance_joint"]

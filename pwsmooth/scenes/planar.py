@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..definition import checks
 from ..definition.drives import Drive
+from ..door import checks
 from ..laws import Law
 from .drive import check_continuous, door, expression, t, value, within
 from .scene import Scene, scene_of

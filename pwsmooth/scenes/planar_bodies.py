@@ -12,7 +12,7 @@ from typing import Any
 
 import sympy as sp
 
-from ..definition import checks
+from ..door import checks
 from ..laws import Law
 from .drive import door, expression, t
 from .planar import mass, two, v_x, v_y, x, y

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..definition import calls, checks
-from ..definition.describe import Described, Rows, listed, values
+from ..door import calls, checks
+from ..door.describe import Described, Rows, listed, values
 from ..laws import Pieces
 from ..results.solution import Solution
 from ..solve import solve

@@ -2,7 +2,7 @@
 
 A sketch says where things are and draws nothing: `Solution.animate` makes a film of it, and a page moves its parts.
 
-Chain: **sketch** -> sketches.py (those of the scenes) -> Scene; pwsmooth/films.py draws it.
+Chain: **sketch** -> sketches.py (those of the scenes) -> Scene; pwsmooth/plotting/films.py draws it.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import Any, ClassVar
 import numpy as np
 import sympy as sp
 
-from ..definition import checks
 from ..definition.lambdified import numpy_function
+from ..door import checks
 from ..results.sampling import Sampled
 from ..results.solution import Solution
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import sympy as sp
 
-from ..definition import checks
+from ..door import checks
 from .drive import t
 from .sketch import Arrow, Ball, Bar, Belt, Block, Clearance, Ground, Joint, Sketch, Spring
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..definition import checks
+from ..door import checks
 from ..laws import Law
 from ..laws.contact import LiuImpact, composite_modulus
 from ..laws.friction import ModifiedCoulomb

@@ -13,9 +13,9 @@ from typing import Any
 
 import sympy as sp
 
-from ..definition import checks
 from ..definition.drives import Drive
 from ..definition.primitives import Algebraic
+from ..door import checks
 from ..laws import Law
 from . import sketches
 from .drive import door, expression, t, within

@@ -17,7 +17,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from ..analysis.maps.sections import LONGEST
-from ..definition import calls, checks
+from ..door import calls, checks
 from .contract import Measure, Window
 from .measures import (
     Amplitude,
@@ -186,7 +186,7 @@ def sweep(
     [6.28711, 6.66329]
     """
     from ..codegen.machine.workers import cores
-    from ..definition import checks
+    from ..door import checks
     from ..paths.budget import spending
     from ..results.records import Outcome
     from .dataset import make_dataset

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..definition import checks
+from ..door import checks
 
 POINT = "point"  # the dimension of a list
 

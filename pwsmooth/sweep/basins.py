@@ -19,8 +19,8 @@ import numpy as np
 from ..analysis.lyapunov import lyapunov_exponents
 from ..analysis.maps.sections import LONGEST, poincare_map
 from ..analysis.orbits.periodic_orbit import PeriodicOrbit
-from ..definition import calls, checks
-from ..definition.describe import Described, Rows, number
+from ..door import calls, checks
+from ..door.describe import Described, Rows, number
 from ..paths.budget import whole
 from ..results.records import Outcome
 from .attractors import FAILED, UNSETTLED, Attractors, Ends

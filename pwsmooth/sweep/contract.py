@@ -11,7 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from ..definition import checks
+from ..door import checks
 from ..results.solution import Solution, _is_slip_velocity
 
 NOT_RUN = -128  # outcome of a point that has not run

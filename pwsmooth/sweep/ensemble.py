@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..definition import calls, checks
+from ..door import calls, checks
 from ..noise.diffusion import Diffusion
 from ..noise.diffusion_run import DiffusionRun, Path
 from ..noise.kicks import Kicks

@@ -13,7 +13,7 @@ import sympy as sp
 
 from ..costs import Quantity
 from ..costs.reading import value_of
-from ..definition import checks
+from ..door import checks
 from .contract import Measure, real
 
 

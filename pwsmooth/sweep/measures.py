@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..analysis.maps.poincare import RETURN
-from ..definition import checks
+from ..door import checks
 from .contract import Measure, integer, real
 from .functions import Cost, Function, Lyapunov
 from .of_solution import segments_in, strobes

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..definition import checks
+from ..door import checks
 from .contract import Measure, Variable, integer, real
 from .of_solution import segments_in, strobes
 

@@ -18,10 +18,10 @@ import sympy as sp
 
 from ..analysis.maps.poincare import RETURN
 from ..analysis.maps.sections import LONGEST, section_of, watching
-from ..definition import checks
+from ..definition.families.recording import Recorder
 from ..definition.lambdified import numpy_function
 from ..definition.model import EventSpec
-from ..definition.recording import Recorder
+from ..door import checks
 from ..kernels.sweeping.state import NO_RETURN
 from ..noise.diffusion import Diffusion
 from ..noise.kicks import Kicks

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..analysis.maps.sections import LONGEST
-from ..definition import calls, checks
+from ..door import calls, checks
 from ..paths.budget import Stop
 from ..paths.interrupts import noted, result
 from ..results.records import Outcome

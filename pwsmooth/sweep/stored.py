@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..definition import checks
+from ..door import checks
 from .axes import Axes
 from .contract import NOT_RUN
 

@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
 from ..analysis.maps.sections import LONGEST
-from ..definition import checks
+from ..door import checks
 
 _HELPERS = ("assemble", "chain_of_blocks", "grazing_amplitude")  # functions among the scenes that make none
 

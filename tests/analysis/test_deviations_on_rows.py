@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Switch, System, Unilateral, solve
-from pwsmooth.paths.growth import growth
+from pwsmooth.paths.derivatives.growth import growth
 
 t, x, v, z, u, w = sp.symbols("t x v z u w", real=True)
 a, b = sp.symbols("a b", positive=True)
@@ -84,7 +84,7 @@ def test_growth_agrees(tapes, count):
 
 
 def test_slopes_of_a_cost_agree(tapes):
-    from pwsmooth.paths.tangents import Readings
+    from pwsmooth.paths.derivatives.tangents import Readings
 
     n, m = len(tapes[0].model.states), len(tapes[0].model.multipliers)
     cost = Readings(np.ones(n), np.empty(0), np.empty((0, n + m)), np.empty(0, int), np.empty((0, 2 * n + 1)))

@@ -20,7 +20,7 @@ from pwsmooth.costs import (
     value_and_gradient,
 )  # fmt: skip
 from pwsmooth.costs import objective as objectives
-from pwsmooth.derivatives import NoDerivative
+from pwsmooth.paths.derivatives.of_solution import NoDerivative
 from pwsmooth.paths.event_driven import EventDriven
 from pwsmooth.sweep import Cost
 

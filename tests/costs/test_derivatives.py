@@ -9,8 +9,8 @@ import sympy as sp
 
 from pwsmooth import Diffusion, Event, Family, Kicks, Memory, Switch, System, Unilateral, solve
 from pwsmooth.costs import Objective, at, at_event, event_time, final
-from pwsmooth.derivatives import NoDerivative
-from pwsmooth.paths.tangents import Readings
+from pwsmooth.paths.derivatives.of_solution import NoDerivative
+from pwsmooth.paths.derivatives.tangents import Readings
 
 t, x, y, v, w, z = sp.symbols("t x y v w z", real=True)
 a, b, g, e, p, rho, beta, sigma, omega = sp.symbols("a b g e p rho beta sigma omega", positive=True)

@@ -16,7 +16,7 @@ BODY = System({x: v, v: -mu * sp.sign(v)}, parameters={mu: 2})
 
 @pytest.fixture(scope="module")
 def cost():
-    from pwsmooth.for_jax import jax_function
+    from pwsmooth.costs.for_jax import jax_function
 
     jax.config.update("jax_enable_x64", True)
     return jax_function(Objective(BODY, final(x) * event_time("sgn(v)"), (0, 9), {x: 0, v: 4}, ["mu", "v"]))
@@ -49,7 +49,7 @@ def test_a_map_runs_a_sweep(cost):
 
 
 def test_single_precision_is_refused():
-    from pwsmooth.for_jax import jax_function
+    from pwsmooth.costs.for_jax import jax_function
 
     objective = Objective(BODY, final(x), (0, 9), {x: 0, v: 4}, ["mu"])
     with pytest.raises(TypeError, match="objective"):

@@ -319,7 +319,9 @@ def test_friction_that_depends_on_the_acceleration_keeps_its_surface_by_itself()
     assert by_name["sgn(v)"].regularity == "sliding" and by_name["sgn(v)"].residual == a
 
 
-@pytest.mark.parametrize("name", ["family", "primitives", "sigmoids", "system"])
+@pytest.mark.parametrize(
+    "name", ["definition.families.family", "definition.primitives", "definition.sigmoids", "system"]
+)
 def test_the_examples_of_the_docstrings_run(name):
     outcome = doctest.testmod(importlib.import_module(f"pwsmooth.{name}"))
     assert outcome.attempted > 0 and outcome.failed == 0

@@ -1,5 +1,6 @@
 """The machinery of the figures: whole files, claims with verdicts, names, failures, interruption."""
 
+import doctest
 import json
 import os
 import shutil
@@ -12,10 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from paper_figures import statements
-from pwsmooth import figures
-from pwsmooth.claims import ORIGINS, Claim, counted, tally
-from pwsmooth.figures import FiguresError
+from paper_figures import claims, statements
+from paper_figures import making as figures
+from paper_figures.claims import ORIGINS, Claim, counted, tally
+from paper_figures.making import FiguresError
+from pwsmooth import cli
 
 
 def a_figure(name="7", draw=None):
@@ -171,13 +173,12 @@ def test_every_figure_of_the_checkout_says_what_it_is():
         assert module.TITLE and len(module.CAPTION.split()) > 15 and callable(module.draw)
 
 
-def test_outside_a_checkout_the_command_says_that_it_needs_one(monkeypatch, tmp_path):
-    monkeypatch.setattr(figures, "__file__", str(tmp_path / "site-packages" / "pwsmooth" / "figures.py"))
+def test_an_installed_package_alone_says_that_figures_need_the_source_archive(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(cli, "__file__", str(tmp_path / "site-packages" / "pwsmooth" / "cli.py"))
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(
-        FiguresError, match=r"which a wheel lacks.*tar\.gz.*pip install -e \. && pwsmooth figures$"
-    ):
-        figures.discover()
+    with pytest.raises(SystemExit) as ended:
+        cli.app(["figures", "--list"])
+    assert ended.value.code == 2 and "source archive" in capsys.readouterr().err
 
 
 def test_an_output_place_that_cannot_be_written_is_named(only, tmp_path):
@@ -277,7 +278,7 @@ def test_less_than_one_at_a_time_is_refused(tmp_path):
 A_SCRIPT = """
 import os, signal, time
 from matplotlib.figure import Figure
-from pwsmooth.figures import Claim
+from paper_figures.claims import Claim
 NAME, TITLE, CAPTION, SHARES = "{name}", "Figure {name}", "A caption.", "{shares}"
 def draw(fast):
     {first}
@@ -290,11 +291,14 @@ def start(tmp_path):
     """Starts `pwsmooth figures ... --jobs 2` in a checkout whose figures begin their drawing so."""
 
     def start(*begins, shares=()):
-        shutil.copytree(Path(figures.__file__).parent, tmp_path / "pwsmooth")
+        root, scripts = Path(figures.__file__).parent.parent, tmp_path / "paper_figures"
+        shutil.copytree(root / "pwsmooth", tmp_path / "pwsmooth")
         (tmp_path / "pyproject.toml").touch()
-        (tmp_path / "paper_figures").mkdir()
+        scripts.mkdir()
+        for name in ("__init__.py", "claims.py", "making.py"):
+            shutil.copy(root / "paper_figures" / name, scripts)
         for name, first in enumerate(begins, 1):
-            path = tmp_path / "paper_figures" / f"figure_{name:02d}.py"
+            path = scripts / f"figure_{name:02d}.py"
             path.write_text(A_SCRIPT.format(name=name, first=first, shares=name not in shares and name))
         names = [str(name) for name, _ in enumerate(begins, 1)]
         return subprocess.Popen(
@@ -352,9 +356,15 @@ def test_ctrl_c_ends_all_processes_and_keeps_what_is_complete(start, tmp_path):
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize("module", [claims, figures])
+def test_the_examples_of_the_docstrings_run(module):
+    outcome = doctest.testmod(module)
+    assert outcome.attempted > 0 and outcome.failed == 0
+
+
 def test_drawing_needs_no_display_and_no_pyplot():
     code = (
-        "import sys, pwsmooth.figures as f\n"
+        "import sys, paper_figures.making as f\n"
         "f.discover(['4'])['4'].draw(True)\n"
         "print('matplotlib.pyplot' in sys.modules)"
     )

@@ -3,8 +3,8 @@
 import pytest
 
 from paper_figures import statements
+from paper_figures.claims import Claim
 from paper_figures.statements import Statement
-from pwsmooth.claims import Claim
 
 
 def a_claim(text, holds=True, origin="printed"):

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pwsmooth.derivatives import NoDerivative
-from pwsmooth.paths.tangents import Readings
+from pwsmooth.paths.derivatives.of_solution import NoDerivative
+from pwsmooth.paths.derivatives.tangents import Readings
 
 from . import judging, scenes
 from .judging import RIGHT, UNDECIDED, WRONG, Verdict

@@ -38,10 +38,10 @@ import pwsmooth
 from pwsmooth import Diffusion, Event, Family, Kicks, Switch, System, costs, scenes, solve
 from pwsmooth.analysis.maps import sections
 from pwsmooth.analysis.sticking import regions as sticking
-from pwsmooth.derivatives import NoDerivative
 from pwsmooth.explore import opening
 from pwsmooth.fit import Record, fit
 from pwsmooth.laws import Joint, contact, friction
+from pwsmooth.paths.derivatives.of_solution import NoDerivative
 from pwsmooth.scenes import sketch
 from pwsmooth.sweep import make_plan, study
 
@@ -50,11 +50,9 @@ t, x, v, k, z = sp.symbols("t x v k z", real=True)
 # Seconds of work each, or no doors of a model: comparisons, figures, pictures.
 NO_DOORS = (
     "pwsmooth.compare",
-    "pwsmooth.claims",
-    "pwsmooth.figures",
     "pwsmooth.plotting",
-    "pwsmooth.for_jax",
-    "pwsmooth.for_torch",
+    "pwsmooth.costs.for_jax",
+    "pwsmooth.costs.for_torch",
 )
 
 
@@ -66,7 +64,8 @@ INSIDE = {
     "pwsmooth.fit.Combination", "pwsmooth.fit.Comparison", "pwsmooth.fit.Fit", "pwsmooth.fit.Identifiability",
     "pwsmooth.fit.Iteration", "pwsmooth.fit.Profile", "pwsmooth.costs.Evaluation", "pwsmooth.costs.Gradient",
     "pwsmooth.costs.Minimum", "pwsmooth.costs.Quantity",
-    "pwsmooth.derivatives.Derivatives", "pwsmooth.derivatives.EventDerivative", "pwsmooth.derivatives.NoDerivative",
+    "pwsmooth.paths.derivatives.Derivatives", "pwsmooth.paths.derivatives.EventDerivative",
+    "pwsmooth.paths.derivatives.NoDerivative",
     "pwsmooth.laws.law", "pwsmooth.sweep.Amplitude", "pwsmooth.sweep.Extremes", "pwsmooth.sweep.Statistics",
 }  # fmt: skip
 
@@ -427,7 +426,7 @@ def subjects():
     for name in ("Amplitude", "Extremes", "Statistics"):
         given[name] = None  # *names
     for name in INSIDE:
-        if name.startswith(("pwsmooth.fit", "pwsmooth.costs", "pwsmooth.derivatives")):
+        if name.startswith(("pwsmooth.fit", "pwsmooth.costs", "pwsmooth.paths.derivatives.of_solution")):
             given[name.rsplit(".", 1)[1]] = None
     for scene_name in (
         "block_on_belt",

@@ -13,7 +13,7 @@ import numpy as np
 import sympy as sp
 
 from pwsmooth import costs
-from pwsmooth.derivatives import NoDerivative
+from pwsmooth.paths.derivatives.of_solution import NoDerivative
 
 from . import differences, judging, scenes
 from .judging import RIGHT, UNDECIDED, WRONG, Verdict

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import expm
 
-from pwsmooth.paths.tangents import Readings
+from pwsmooth.paths.derivatives.tangents import Readings
 
 from . import affine, judging
 from .judging import ILL, RIGHT, UNDECIDED, WRONG, Verdict

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pwsmooth.derivatives import Derivatives
+from pwsmooth.paths.derivatives.of_solution import Derivatives
 from tests.fuzz import affine, invariance, judging, planted  # one name, one compile cache of the oracle
 from tests.fuzz.__main__ import NAMES, OF_DERIVATIVES, fuzz
 

@@ -8,7 +8,7 @@ import tomllib
 import pytest
 from typer.testing import CliRunner
 
-from pwsmooth import figures
+from paper_figures import making as figures
 from pwsmooth.cli import app
 from pwsmooth.codegen.machine import units
 

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-import pwsmooth
-from pwsmooth.claims import Claim
+from paper_figures.claims import Claim
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -108,7 +107,7 @@ def test_a_study_shows_all_its_pictures_and_none_of_a_study_with_a_longer_name(
 
 
 def test_figures_that_are_missing_or_only_fast_are_drawn(tmp_path, monkeypatch):
-    from pwsmooth import figures
+    from paper_figures import making as figures
 
     build = load(DOCS / "build.py")
     monkeypatch.setattr(figures, "discover", lambda names=(): {"1": None, "2": None, "3": None})
@@ -149,11 +148,6 @@ def test_code_in_a_docstring_is_set_as_code(page):
     assert page.shown("`lam_s` and ``x <= 1``") == "`lam_s` and `x <= 1`"
     shown = page.shown("`a | b`")
     assert shown.count("`") == shown.count("\\`")  # would end the cell of a table
-
-
-def test_modules_with_public_names_keep_those_of_earlier_versions():
-    for old, new in pwsmooth._MOVED.items():
-        assert importlib.import_module(f"pwsmooth.{old}") is importlib.import_module(f"pwsmooth.{new}")
 
 
 def test_the_tests_that_hold_the_event_contract_are_there():

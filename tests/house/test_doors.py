@@ -32,7 +32,7 @@ from pwsmooth import (
     sweep,
 )
 from pwsmooth.analysis.maps.sections import Section, Stroboscopic
-from pwsmooth.definition import checks
+from pwsmooth.door import checks
 from pwsmooth.fit import fit_law
 from pwsmooth.laws.friction import Coulomb, Dahl
 from pwsmooth.scenes import Scene, block_on_belt, force_driven, prescribed_motion
@@ -276,4 +276,4 @@ def test_messages_show_anything_in_few_words():
             raise RuntimeError
 
     for value in (10**5000, Mute(), list(range(10**5)), "x" * 10**4, sum(sp.symbols("a:999")), np.zeros(10**4)):
-        assert 0 < len(pwsmooth.definition.checks.shown(value)) <= 210
+        assert 0 < len(pwsmooth.door.checks.shown(value)) <= 210

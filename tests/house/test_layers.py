@@ -34,6 +34,15 @@ def test_no_module_reaches_itself():
     graphlib.TopologicalSorter(imports).prepare()  # raises CycleError
 
 
+def test_no_folder_is_too_full_to_survey():
+    full = {
+        str(folder.relative_to(ROOT)): len(list(folder.glob("*.py")))
+        for folder in [ROOT / "pwsmooth", *(p for p in (ROOT / "pwsmooth").rglob("*") if p.is_dir())]
+    }
+    assert full["pwsmooth"] <= 8
+    assert {folder: count for folder, count in full.items() if count > 25} == {}
+
+
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory):
     folder = tmp_path_factory.mktemp("layers")
@@ -51,7 +60,8 @@ def copy(tmp_path_factory):
         ("pwsmooth", "definition/model.py", "from ..results import records\n"),
         ("pwsmooth", "analysis/orbits/finding.py", "def f():\n    from ...scenes import t\n"),
         ("pwsmooth.analysis", "analysis/maps/sections.py", "from ..orbits import finding\n"),
-        ("pwsmooth.definition", "definition/checks.py", "from . import family\n"),
+        ("pwsmooth", "door/checks.py", "from ..definition import model\n"),
+        ("pwsmooth.definition", "definition/primitives.py", "from .families import family\n"),
         ("pwsmooth.codegen", "codegen/graph/nodes.py", "from .. import fields\n"),
         ("pwsmooth.kernels", "kernels/surface/sliding.py", "from ..instant import firing\n"),
         ("pwsmooth.kernels", "kernels/trajectory.py", "def f():\n    from .noise import path\n"),

@@ -11,14 +11,14 @@ from sympy.physics.mechanics import LagrangesMethod, dynamicsymbols
 from typer.testing import CliRunner
 
 import pwsmooth
-import pwsmooth.definition.checks
+import pwsmooth.door.checks
 from pwsmooth import Algebraic, Diffusion, Event, Family, Kicks, Memory, Switch, System, Unilateral, scenes
 from pwsmooth.analysis.maps.sections import Section, Stroboscopic
 from pwsmooth.analysis.maps.symmetry import symmetry_matrix
 from pwsmooth.analysis.sticking import regions as sticking
 from pwsmooth.cli import app
-from pwsmooth.definition import formula
 from pwsmooth.definition.sigmoids import sigmoid
+from pwsmooth.door import formula
 from pwsmooth.laws import Joint
 from pwsmooth.laws.friction import Coulomb, Dahl
 
@@ -201,5 +201,5 @@ def test_formulas_read_what_they_say():
 def test_formulas_refuse_all_else_at_once(text):
     begun = time.process_time()
     with pytest.raises((ValueError, TypeError), match="`period`"):
-        pwsmooth.definition.checks.period(text, {})
+        pwsmooth.door.checks.period(text, {})
     assert time.process_time() - begun < 1

@@ -20,7 +20,7 @@ from pwsmooth import (
     plotting,
     solve,
 )
-from pwsmooth.definition.describe import LONGEST
+from pwsmooth.door.describe import LONGEST
 from pwsmooth.laws.contact import Hertz
 from pwsmooth.results.records import EventRecord, Listed
 from pwsmooth.scenes import free_impact

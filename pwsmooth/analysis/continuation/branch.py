@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...definition import checks
-from ...definition.describe import Described, Rows
+from ...door import checks
+from ...door.describe import Described, Rows
 
 if TYPE_CHECKING:
     import pandas

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 from ...paths.budget import MOST_STEPS, Budget, opened, within
 from ..equilibria.equilibrium import Equilibrium
 from ..maps.sections import Stroboscopic, depends_on_time

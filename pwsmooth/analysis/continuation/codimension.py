@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 from ..orbits.recutting import Cut
 
 __all__ = ["Codimension2"]

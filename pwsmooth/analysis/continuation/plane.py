@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...definition.describe import Described, Rows
+from ...door.describe import Described, Rows
 from .codimension import Codimension2
 
 if TYPE_CHECKING:

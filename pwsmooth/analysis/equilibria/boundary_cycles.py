@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from ...paths.linearised import linearise
+from ...paths.derivatives.linearised import linearise
 from .equilibrium import Equilibrium
 
 _PLACES = 721  # of a turn around the focus, at which a return is looked for

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...definition.describe import Described, Rows, listed, number, values
+from ...door.describe import Described, Rows, listed, number, values
 from .disc_modes import places
 from .stability import Linear, linear_at, signs
 from .statics import Sides, Statics

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 from .equilibrium import Equilibrium, made
 from .modes import autonomous, beside_exact, fits, modes, same, set_ending_at
 from .statics import MOST_NEWTON, RANK, ROUNDING, Sides, Statics, beyond, free_directions, newton

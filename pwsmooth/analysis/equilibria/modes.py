@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ...definition import checks
 from ...definition.pointwise import value
-from ...paths.linearised import linearise
+from ...door import checks
+from ...paths.derivatives.linearised import linearise
 from ..maps.sections import depends_on_time
 from .disc_modes import idle, in_mode, places
 from .equilibrium import Equilibrium, made

@@ -10,7 +10,7 @@ h = 0 of a switch that slides takes one direction, h = dh/dt = 0 of a closed con
 multipliers through the layer: where it has an eigenvalue on the right, the slow flow runs on a branch that repels.
 At a Hopf point the first Lyapunov coefficient says which way the cycles go.
 
-Chain: paths/linearised.py, disc_modes.py -> **equilibrium_stability** -> statics.py, equilibrium.py.
+Chain: paths/derivatives/linearised.py, disc_modes.py -> **equilibrium_stability** -> statics.py, equilibrium.py.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import sympy as sp
 
 from ...definition.model import Model
 from ...definition.sigmoids import sigmoid
-from ...paths.linearised import Linearised, linearise
+from ...paths.derivatives.linearised import Linearised, linearise
 from ...results.outputs import vectorised
 from .disc_modes import completed, held, in_mode, places, unknowns
 

@@ -6,7 +6,7 @@ A mode says of every multiplier on which side of its surface it is: 1 or -1, or 
 contact, an algebraic unknown). A disc slips, 1, or is held; its components are unknowns, 0. In a mode the equations are
 smooth.
 
-Chain: paths/linearised.py, disc_modes.py, equilibrium_stability.py -> **statics** -> equilibrium.py, mode_walk.py.
+Chain: linearised.py, disc_modes.py, stability.py -> **statics** -> equilibrium.py, mode_walk.py.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ...paths.linearised import linearise
+from ...paths.derivatives.linearised import linearise
 from .disc_modes import Sides, along_slip, completed, idle, in_mode, places, unknowns
 from .stability import beside, margins
 

@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 from ...paths.backward import where_it_ends
-from ...paths.linearised import linearise, rates
+from ...paths.derivatives.linearised import linearise, rates
 from ...results.records import Outcome
 from ...solve import solve
 from ..equilibria.disc_modes import in_mode

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...definition import checks
-from ...definition.describe import Described, Rows, number, some, values
+from ...door import checks
+from ...door.describe import Described, Rows, number, some, values
 from ...paths.budget import MOST_STEPS, opened, within
 from ..equilibria.equilibrium import Equilibrium
 from ..orbits.periodic_orbit import MULTIPLIERS, PeriodicOrbit

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ...definition import checks
+from ...door import checks
 from ..equilibria.finding import equilibria
 from ..maps.sections import depends_on_time
 from .portrait import FoldLine, SlidingPortrait, TwoFold

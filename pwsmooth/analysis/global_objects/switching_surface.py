@@ -3,7 +3,7 @@
     a -> x with h(x) = 0:   a state follows from the others, in which h is linear
     g(lam; a) = dh/dt,  the rates of the coordinates,  d2h/dt2 of the fields on both sides
 
-Chain: paths/linearised.py -> **switching_surface** -> portraits.py.
+Chain: paths/derivatives/linearised.py -> **switching_surface** -> portraits.py.
 """
 
 from __future__ import annotations

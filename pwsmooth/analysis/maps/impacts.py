@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...paths.linearised import linearise
+from ...paths.derivatives.linearised import linearise
 from ...results.solution import Solution
 from .holding import held, index_of, not_held, strength_of
 from .parts import function_of, last_rates, part_of, seeds_of, surface_of

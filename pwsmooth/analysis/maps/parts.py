@@ -1,6 +1,6 @@
 """Runs that are parts of an orbit, with their deviations, and functions of what stands on a surface along them.
 
-Chain: paths/tangents.py, variations.py -> **parts** -> windows.py, impacts.py.
+Chain: paths/derivatives/tangents.py, variations.py -> **parts** -> windows.py, impacts.py.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import sympy as sp
 
 from ...definition.model import Model
 from ...definition.regularity import total_derivative
-from ...paths.linearised import rates
+from ...paths.derivatives.linearised import rates
 from ...results.outputs import vectorised
 from ...results.solution import Solution
 from .variations import has_series, without_derivative

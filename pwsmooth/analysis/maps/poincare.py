@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...definition import calls, checks
+from ...door import calls, checks
 from ...paths.budget import whole
 from ...results.records import Outcome
 from ...results.solution import Solution

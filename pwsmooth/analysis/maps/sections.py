@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ...definition import checks
 from ...definition.model import EventSpec, Model, of_event
 from ...definition.pointwise import value
-from ...paths.linearised import linearise
+from ...door import checks
+from ...paths.derivatives.linearised import linearise
 from ...results.records import Outcome
 from ...results.solution import Solution
 from .poincare import RETURN, Image, Leg, Word, _Map, lost, why_stopped, word_of

@@ -1,6 +1,6 @@
 """Symmetries (x, t) -> (G x, t + T/2) of a driven system, given in words and checked against its field.
 
-Chain: paths/linearised.py -> **symmetry** -> sections.py (the half-period map).
+Chain: paths/derivatives/linearised.py -> **symmetry** -> sections.py (the half-period map).
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ...definition import checks
 from ...definition.model import of_event
 from ...definition.pointwise import value
-from ...paths.linearised import rates
+from ...door import checks
+from ...paths.derivatives.linearised import rates
 
 __all__ = ["symmetry_matrix"]
 

@@ -2,8 +2,8 @@
 
     Phi = Phi_K S_K ... S_1 Phi_0,     X' = A(t) X  between events,     S the saltation matrices at them
 
-An event-driven run has kept a tape, which is played again with the linearised flow (paths/tangents.py). Of runs by
-implicit steps, and of families, A is evaluated on the steps' own polynomials (paths/collocation.py).
+An event-driven run has kept a tape, which is played again with the linearised flow (tangents.py). Of runs by
+implicit steps, and of families, A is evaluated on the steps' own polynomials (collocation.py).
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ...definition import checks
-from ...paths.collocation import Collocation
-from ...paths.linearised import linearise, rates
-from ...paths.saltation import CHATTER, Saltation, saltations
+from ...door import checks
+from ...paths.derivatives.collocation import Collocation
+from ...paths.derivatives.linearised import linearise, rates
+from ...paths.derivatives.saltation import CHATTER, Saltation, saltations
 from ...paths.words import instants_without
 from ...results.solution import Solution
 

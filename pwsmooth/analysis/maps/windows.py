@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from ...definition.model import Model
-from ...paths.linearised import linearise
+from ...paths.derivatives.linearised import linearise
 from ...results.solution import Solution
 from .holding import caught, held, passed, strength_of
 from .parts import Part, functions_of, minima, one_sided, part_of, seeds_of, surface_of, with_ratio

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...definition import calls, checks
+from ...door import calls, checks
 from ...paths.budget import whole
 from ..maps.poincare import Image
 from ..maps.sections import LONGEST, Section, Stroboscopic, poincare_map

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...definition import checks
+from ...door import checks
 from ..maps.poincare import after_start
 from .periodic_orbit import PeriodicOrbit
 

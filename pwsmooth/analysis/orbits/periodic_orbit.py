@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from ...definition import calls, checks
-from ...definition.describe import Described, Rows, listed, number, some, values
+from ...door import calls, checks
+from ...door.describe import Described, Rows, listed, number, some, values
 from ...results.solution import Solution
 from ...solve import solve
 from ..maps.multipliers import cyclic_multipliers, within_roundings

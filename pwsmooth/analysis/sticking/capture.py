@@ -18,8 +18,8 @@ from typing import Any
 
 import sympy as sp
 
-from ...definition import checks
 from ...definition.sigmoids import sigmoid as sigmoid_of
+from ...door import checks
 
 __all__ = ["capture_threshold", "critical_ratio"]
 

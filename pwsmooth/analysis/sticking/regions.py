@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import sympy as sp
 from mpmath.libmp import NoConvergence
 
-from ...definition import checks
 from ...definition.lambdified import numpy_function
+from ...door import checks
 from .capture import capture_threshold, critical_ratio
 
 __all__ = [

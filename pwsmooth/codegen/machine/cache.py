@@ -207,7 +207,7 @@ def kernels() -> Folder:
 @cache
 def models() -> Folder:
     """Generated models; the folder's name changes with any source of what a Model is, kernels or codegen."""
-    return Folder("models", sources_key("definition", "kernels", "codegen", besides=versions()))
+    return Folder("models", sources_key("door", "definition", "kernels", "codegen", besides=versions()))
 
 
 def load_kernels(name: str) -> ModuleType:

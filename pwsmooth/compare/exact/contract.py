@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from ...definition import checks
+from ...door import checks
 
 __all__ = ["Check", "ExactProblem", "Verdict"]
 

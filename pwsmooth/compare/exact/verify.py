@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
-from ...definition import checks
+from ...door import checks
 from .contract import ExactProblem, Verdict
 
 __all__ = ["problems", "verify"]

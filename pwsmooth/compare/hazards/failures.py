@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 from ...results.records import Outcome
 
 #: Ways a run can end -> their colours, the same in every map.

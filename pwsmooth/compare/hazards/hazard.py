@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 from .failures import Finding
 from .fixed import FIXED
 from .stopping import SEERS

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 from .failures import KINDS, Finding
 from .hazard import Hazard
 from .stability_map import StabilityMap

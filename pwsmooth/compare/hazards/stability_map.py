@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 from .failures import HARMLESS, KINDS
 from .hazard import Axis, group_of
 

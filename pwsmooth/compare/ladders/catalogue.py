@@ -6,7 +6,7 @@ import functools
 from collections.abc import Callable, Mapping
 from importlib import import_module
 
-from ...definition import checks
+from ...door import checks
 from .rungs import Setting
 
 __all__ = ["scenes", "setting_of"]

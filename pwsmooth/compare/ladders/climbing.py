@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 from ...scenes import Scene
 from ...scenes.scene import ATOL
 from .catalogue import setting_of

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 from ...laws import Law
 from ...laws import contact as laws
 from ...scenes import Scene, falling_ball, free_impact

@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 from ...laws import Law
 from ...laws import friction as laws
 from ...scenes import Scene

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 
 __all__ = ["Step", "judge", "recommend"]
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 from ...results.maximum import refined_maximum
 from .rungs import Observable
 

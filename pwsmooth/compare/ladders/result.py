@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 from .judging import Step, judge, recommend
 from .rungs import Observable, Setting
 

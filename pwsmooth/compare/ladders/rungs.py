@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 from ...laws import Law
 from ...scenes import Scene
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 from ...scenes.scene import Scene
 from ...solve import solve
 from ...system import System

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 from ...plotting import COLOUR
 from .cases import CASES
 from .point import Point

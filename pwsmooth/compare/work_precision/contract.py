@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 from .case import Case
 from .plain import happenings
 

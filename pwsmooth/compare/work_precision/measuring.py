@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 from ...scenes.scene import Scene
 from .case import Case, Reference, case_of
 from .cases import CASES

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from ...definition import checks
+from ...door import checks
 from ...plotting import new_figure
 from .charts import plot_work
 from .point import Point

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import sympy as sp
 
-from ...definition import checks
+from ...door import checks
 from .restitution import exact_eta, restitution
 
 __all__ = ["ETA", "Factor", "damping_factor", "effective_restitution"]

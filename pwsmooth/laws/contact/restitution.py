@@ -18,7 +18,7 @@ from math import exp, gamma, log1p, pi, sqrt
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 
 __all__ = ["contact_duration", "exact_eta", "maximal_indentation", "phase_curve", "restitution"]
 

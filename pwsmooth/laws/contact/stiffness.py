@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from math import inf, sqrt
 
-from ...definition import checks
+from ...door import checks
 
 __all__ = ["composite_modulus", "hertz_stiffness", "journal_stiffness"]
 

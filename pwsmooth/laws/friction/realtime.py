@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...definition import checks
+from ...door import checks
 from ..contract import Law
 from . import stepping
 from .coulomb import Coulomb, StribeckFriction

@@ -28,7 +28,7 @@ import sympy as sp
 
 from ....definition.model import Model
 from ....definition.regularity import total_derivative
-from ....paths.linearised import linearise
+from ....paths.derivatives.linearised import linearise
 from ...maps.holding import index_of
 from ...maps.parts import function_of
 from ...maps.poincare import Word, after_start

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from ....paths.linearised import linearise
+from ....paths.derivatives.linearised import linearise
 from ...maps.holding import strength_of
 from ...maps.impacts import EventImage, FromImpact
 from ...maps.parts import function_of

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ....definition import checks
+from ....door import checks
 from ...maps.holding import not_held
 from ...maps.impacts import FromRelease, from_impact, from_release
 from ...maps.windows import PartedImage, Windowed

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ....definition import checks
+from ....door import checks
 from ...equilibria.equilibrium import Equilibrium
 from ..branch import _Along
 

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from ....definition import checks
+from ....door import checks
 from ...equilibria.boundary_cycles import cycle_born
 from ...equilibria.equilibrium import Equilibrium
 from ...equilibria.statics import RANK, ROUNDING, beyond

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from ....paths.linearised import linearise
+from ....paths.derivatives.linearised import linearise
 from ...equilibria.disc_modes import in_mode
 from ...equilibria.stability import Linear, layer_at, linear_at, lyapunov_coefficient, sigmoid_slope
 from ...equilibria.statics import Statics

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ....definition import calls, checks
+from ....door import calls, checks
 from ...maps.sections import LONGEST, Section, poincare_map
 from ...orbits.periodic_orbit import PeriodicOrbit, none_found
 from ..arclength import Walk

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .problem import compiled_problem
+from ..problem import compiled_problem
 from .tangents import Tape
 
 
@@ -26,7 +26,7 @@ class Growth(NamedTuple):
 
 def growth(tape: Tape, frame: np.ndarray) -> Growth:
     """Carries a frame (n, k) of orthonormal deviations along a run."""
-    from ..codegen.machine.units import tangent_growth, unit_address
+    from ...codegen.machine.units import tangent_growth, unit_address
 
     (n, k), entries = frame.shape, len(tape.entries)
     loop, compiled = tangent_growth(), tape.programs("column" if k == 1 else "columns")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from .definition import checks
+from ..door import checks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -3,7 +3,7 @@
 A sketch is asked for `describe()`, its shapes in words and sizes, and `pose(solution, times)`, where they are; nothing
 else of it is known here.
 
-Chain: scenes/sketch.py -> Solution.animate -> **films**, in the style of plotting.py.
+Chain: scenes/sketch.py -> Solution.animate -> **films**, in the style of plotting/__init__.py.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from .plotting import COLOUR, NONLINEAR_SHADE, phase, style
+from . import COLOUR, NONLINEAR_SHADE, phase, style
 
 WRITERS = {".gif": "pillow", ".html": "html", ".mp4": "ffmpeg"}
 _WIDTH, _CURVE = 6.4, 1.1  # of a picture, and height of a curve, in inches

@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from .lambdified import numpy_function
+from ..lambdified import numpy_function
+from ..model import Beside, Model, Table
 from .many import MANY, Symbols
-from .model import Beside, Model, Table
 
 MARK = "[]"  # in the name of what every element has
 LINKED = 10**8  # from here on an offset counts the columns of a table of neighbours

@@ -1,6 +1,6 @@
 """Deviations of a run: its tape played again (kernels/tangent), with the model's Jacobians.
 
-Chain: event_driven.py, whose run writes the tape -> **replay** -> derivatives.py, analysis/.
+Chain: event_driven.py, whose run writes the tape -> **replay** -> of_solution.py, analysis/.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..codegen import LANES, compile_model
-from ..definition.folds import fold_model
-from ..definition.model import Model
-from ..kernels import state as names
-from ..kernels.step.tables import STAGES
-from ..kernels.tangent.state import NO_SERIES, UNKNOWN, ZEROS, Flow, Tangent
-from .clock import slopes_of_instants
+from ...codegen import LANES, compile_model
+from ...definition.folds import fold_model
+from ...definition.model import Model
+from ...kernels import state as names
+from ...kernels.step.tables import STAGES
+from ...kernels.tangent.state import NO_SERIES, UNKNOWN, ZEROS, Flow, Tangent
+from ..clock import slopes_of_instants
+from ..problem import compiled_problem, terms
 from .linearised import rates
-from .problem import compiled_problem, terms
 
 _PLACES = 64  # wanted times on one way that are looked at together
 
@@ -279,7 +279,7 @@ class Tape:
 
         `times` are wanted besides those of the record.
         """
-        from ..codegen.machine.units import tangent_replay
+        from ...codegen.machine.units import tangent_replay
 
         (n, k), m = start.shape, len(self.model.multipliers)
         loop, compiled = tangent_replay(), self.programs("columns")
@@ -319,7 +319,7 @@ class Tape:
 
     def pull_back(self, cost: Readings) -> Slopes:
         """Slopes of a cost by the start of the run and by its parameters."""
-        from ..codegen.machine.units import tangent_replay
+        from ...codegen.machine.units import tangent_replay
 
         loop, compiled = tangent_replay(), self.programs("given")
         n, m, count = compiled.code.n, compiled.code.m, compiled.code.np

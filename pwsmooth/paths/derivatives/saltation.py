@@ -23,11 +23,11 @@ from itertools import chain, combinations, islice
 import numpy as np
 import sympy as sp
 
-from ..kernels.tangent.state import CORNER, FINE, GRAZES, UNKNOWN
-from ..results.outputs import vectorised
-from ..results.solution import EventRecord, Solution
+from ...kernels.tangent.state import CORNER, FINE, GRAZES, UNKNOWN
+from ...results.outputs import vectorised
+from ...results.solution import EventRecord, Solution
+from ..words import why_not
 from .linearised import Blocks, Linearised
-from .words import why_not
 
 __all__ = ["Saltation"]
 

@@ -21,12 +21,13 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from pwsmooth.codegen.machine.workers import cores
+from pwsmooth.door import checks
+from pwsmooth.paths.interrupts import processes, result
+from pwsmooth.paths.warmup import warm_up
+from pwsmooth.results.files import PARTIAL, write_whole
+
 from .claims import Claim, print_claims
-from .codegen.machine.workers import cores
-from .definition import checks
-from .paths.interrupts import processes, result
-from .paths.warmup import warm_up
-from .results.files import PARTIAL, write_whole
 
 __all__ = ["Claim", "FiguresError", "discover", "make", "print_list"]
 
@@ -36,25 +37,12 @@ class FiguresError(ValueError):
 
     Examples
     --------
-    >>> from pwsmooth.figures import FiguresError
+    >>> from paper_figures.making import FiguresError
     >>> issubclass(FiguresError, Exception)
     True
     """
 
 
-def checkout() -> Path:
-    """The checkout's root: where the package was installed from, or the working directory; else a FiguresError."""
-    for root in (Path(__file__).resolve().parent.parent, Path.cwd()):
-        if (root / "paper_figures").is_dir() and (root / "pyproject.toml").is_file():
-            return root
-    raise FiguresError(
-        "the figures are drawn by scripts of the source archive, which a wheel lacks. Unpack the archive "
-        f"(pwsmooth-{version('pwsmooth')}.tar.gz) or clone the repository, and run this in it: "
-        "pip install -e . && pwsmooth figures"
-    )
-
-
-@checks.door()
 def discover(names: Iterable[str] = ()) -> dict[str, ModuleType]:
     """Modules of the figures by name, in the order of their numbers.
 
@@ -71,19 +59,16 @@ def discover(names: Iterable[str] = ()) -> dict[str, ModuleType]:
     Raises
     ------
     FiguresError
-        There is no checkout, or a name is unknown.
+        A name is unknown.
 
     Examples
     --------
-    >>> from pwsmooth.figures import discover
+    >>> from paper_figures.making import discover
     >>> list(discover(["4"]))
     ['4']
     """
-    root = checkout()
-    if str(root) not in sys.path:
-        sys.path.insert(0, str(root))
     modules: dict[str, ModuleType] = {}
-    for path in sorted((root / "paper_figures").glob("figure_*.py")):
+    for path in sorted(Path(__file__).parent.glob("figure_*.py")):
         module = importlib.import_module(f"paper_figures.{path.stem}")
         modules[str(module.NAME)] = module
     wanted = [_plain(name) for name in names]
@@ -108,7 +93,7 @@ def print_list() -> None:
 
     Examples
     --------
-    >>> from pwsmooth.figures import print_list
+    >>> from paper_figures.making import print_list
     >>> print_list()  # doctest: +ELLIPSIS
       1  Switching characteristics for friction
       2  ...
@@ -148,13 +133,13 @@ def make(
     Raises
     ------
     FiguresError
-        There is no checkout, a name is unknown, `jobs` is below 1, or `out` cannot be written.
+        A name is unknown, `jobs` is below 1, or `out` cannot be written.
 
     Examples
     --------
     >>> import tempfile
     >>> from pathlib import Path
-    >>> from pwsmooth.figures import make
+    >>> from paper_figures.making import make
     >>> with tempfile.TemporaryDirectory() as out:
     ...     done = make(["4"], out=out, fast=True)  # doctest: +ELLIPSIS
     ...     written = sorted(path.name for path in Path(out).iterdir())
@@ -256,7 +241,7 @@ def _legible(figure: Any) -> None:
 
 
 def _make_one(module: ModuleType, out: Path, fast: bool) -> list[Claim]:
-    from . import plotting
+    from pwsmooth import plotting
 
     with plotting.style():
         figure, claims = module.draw(fast)
@@ -274,7 +259,6 @@ def _make_one(module: ModuleType, out: Path, fast: bool) -> list[Claim]:
 
 
 def _entry(module: ModuleType, claims: Sequence[Claim], fast: bool) -> dict[str, Any]:
-    from importlib.metadata import version
 
     return {
         "title": module.TITLE,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from . import checks
+from ...door import checks
 
 WAITING = "waiting"
 OF_SLIPS = "length", "moment", "area", "slips", "duration"

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from . import checks
+from ...door import checks
 
 MANY = 10_000  # numbers, of more of which none is held by itself
 

@@ -1,6 +1,6 @@
 """How a run moves with parameters, initial values and its start: `solve(with_respect_to=...)`.
 
-Chain: paths/tangents.py, which plays a run's tape again, and paths/collocation.py, for runs by implicit steps ->
+Chain: tangents.py, which plays a run's tape again, and collocation.py, for runs by implicit steps ->
 **Derivatives**, `Solution.derivatives`.
 """
 
@@ -13,14 +13,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import sympy as sp
 
-from .definition import checks
-from .definition.describe import Described, Rows, values
-from .definition.model import Model
-from .kernels.tangent.state import CORNER, GRAZES, NO_SERIES
-from .paths.collocation import Collocation
-from .paths.limits import limits
-from .paths.tangents import Deviations
-from .results import outputs
+from ...definition.model import Model
+from ...door import checks
+from ...door.describe import Described, Rows, values
+from ...kernels.tangent.state import CORNER, GRAZES, NO_SERIES
+from ...results import outputs
+from ..limits import limits
+from .collocation import Collocation
+from .tangents import Deviations
 
 __all__ = ["Derivatives", "EventDerivative", "NoDerivative", "Sides"]
 
@@ -60,7 +60,7 @@ class NoDerivative(ArithmeticError):
     >>> run.derivatives.end
     Traceback (most recent call last):
         ...
-    pwsmooth.derivatives.NoDerivative: There is no derivative from t = 0 on: the motion is not unique ...
+    pwsmooth.paths.derivatives.of_solution.NoDerivative: There is no derivative from t = 0 on: ...
     """
 
     def __init__(self, t: float, cause: str, reason: str) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from .costs import Objective
-from .definition import checks
+from ..door import checks
+from .objective import Objective
 
 __all__ = ["torch_function"]
 

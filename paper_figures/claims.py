@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
-from .definition import checks
+from pwsmooth.door import checks
 
 __all__ = ["Claim", "counted", "tally"]
 
@@ -63,7 +63,7 @@ class Claim:
 
     Examples
     --------
-    >>> from pwsmooth.claims import Claim
+    >>> from paper_figures.claims import Claim
     >>> fold = dict(statement="height of the fold", source=1.78, ours=16 / 9, tolerance=0.005)
     >>> Claim.number(**fold, origin="printed", where="solid friction, (17)").verdict
     'reproduced'
@@ -162,7 +162,7 @@ def tally(claims: Iterable[Mapping[str, Any]]) -> dict[str, tuple[int, int]]:
 
     Examples
     --------
-    >>> from pwsmooth.claims import Claim, tally
+    >>> from paper_figures.claims import Claim, tally
     >>> tally([Claim("1 < 2", "yes", "yes", True, origin="identity").record()])
     {'identity': (1, 0)}
     """
@@ -188,7 +188,7 @@ def counted(claims: Iterable[Mapping[str, Any]]) -> str:
 
     Examples
     --------
-    >>> from pwsmooth.claims import Claim, counted
+    >>> from paper_figures.claims import Claim, counted
     >>> one = Claim("the peak is at 1.2", "1.2", "1.3", False, "a misprint", "printed", "section 2")
     >>> counted([one.record()])
     'printed 0 of 1'

@@ -13,8 +13,6 @@ from typing import Any, NamedTuple
 import sympy as sp
 from sympy.printing.latex import LatexPrinter
 
-from .model import Model
-
 SHOWN = 12  # entries of a list; families can be long
 LONGEST = 160  # characters of an entry: what is longer nobody reads
 _FILIPPOV = [
@@ -137,7 +135,7 @@ class DescribedSystem(Described):
 
     def _described(self):
         system: Any = self
-        model: Model = system.model
+        model = system.model
         # A family in one line: as it was written.
         element = None if system._view else system._element
         definition = element.definition if element else system.definition

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from .costs import Objective
-from .definition import checks
+from ..door import checks
+from .objective import Objective
 
 __all__ = ["jax_function"]
 
@@ -42,7 +42,7 @@ def jax_function(objective: Objective) -> Any:
     >>> import sympy as sp
     >>> from pwsmooth import System
     >>> from pwsmooth.costs import Objective, final
-    >>> from pwsmooth.for_jax import jax_function
+    >>> from pwsmooth.costs.for_jax import jax_function
     >>> jax.config.update("jax_enable_x64", True)
     >>> x = sp.Symbol("x", real=True)
     >>> cost = jax_function(Objective(System({x: -2 * x}), final(x), (0, 1), {x: 1}, ["x"]))

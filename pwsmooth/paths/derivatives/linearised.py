@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..definition.model import Model
-from ..definition.regularity import total_derivative
-from ..results.outputs import vectorised
+from ...definition.model import Model
+from ...definition.regularity import total_derivative
+from ...results.outputs import vectorised
 
 
 @dataclass(frozen=True)

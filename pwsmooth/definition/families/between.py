@@ -16,8 +16,8 @@ from itertools import chain, combinations
 
 import sympy as sp
 
-from .model import Beside, Multiplier, Select
-from .regularity import total_derivative
+from ..model import Beside, Multiplier, Select
+from ..regularity import total_derivative
 from .template import LINKED, Place
 
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
-from . import checks
-from .primitives import Component, Memory, Reaction, Switch
+from ...door import checks
+from ..primitives import Component, Memory, Reaction, Switch
 
 
 @checks.door()

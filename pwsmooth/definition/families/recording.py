@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from . import checks
+from ...door import checks
 from .event_statistics import Activity, Histogram, SlipHistogram
 
 

@@ -10,11 +10,11 @@ from functools import singledispatchmethod
 
 import sympy as sp
 
-from . import checks
+from ...door import checks
+from ..model import of_event
+from ..primitives import Algebraic, Component, Disc, Event, Reaction, Switch, Unilateral
 from .family import Family, Member, MemberMemory, MemberSum, OfNeighbour, family_of, involved, members
 from .many import MANY, Names
-from .model import of_event
-from .primitives import Algebraic, Component, Disc, Event, Reaction, Switch, Unilateral
 
 
 class Expansion:
