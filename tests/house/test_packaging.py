@@ -1,5 +1,7 @@
 """What `pip` and `python -m build` make of the project: an install compiles nothing, an archive tests itself."""
 
+import contextlib
+import importlib
 import os
 import re
 import shutil
@@ -76,6 +78,30 @@ def test_a_plain_wheel_serves_every_platform_and_has_the_modules_that_there_are(
     static = {f"pwsmooth/explore/static/{path.name}" for path in (package / "explore/static").iterdir()}
     assert static and not static - packed
     assert not any("_compiled" in name for name in packed)
+
+
+@pytest.mark.parametrize("left_out", [0, 1])
+def test_the_core_is_compiled_at_every_level_and_a_missing_part_is_an_error(left_out, tmp_path, monkeypatch):
+    """By a compiler that writes empty parts."""
+    from pwsmooth.codegen.machine.objects import all_levels, level_settings
+    from pwsmooth.codegen.machine.units import ALL
+
+    monkeypatch.syspath_prepend(str(ROOT))
+    backend = importlib.import_module("build_backend")
+    levels = iter(all_levels())
+
+    def compile_nothing(command, env, cwd, check):
+        level, folder = next(levels), Path(env["PWSMOOTH_CACHE_DIR"]) / "kernels-0"
+        assert env.items() >= level_settings(level).items() and check
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in list(ALL)[left_out:]:
+            (folder / f"{name}.{level}.o").touch()
+
+    monkeypatch.setattr(backend.subprocess, "run", compile_nothing)
+    with pytest.raises(RuntimeError, match="parts of the core") if left_out else contextlib.nullcontext():
+        backend._compile_core(tmp_path)
+    assert bool(list(levels)) == bool(left_out)
+    assert (tmp_path / "pwsmooth" / "_compiled").is_dir()
 
 
 def test_an_archive_of_the_sources_has_what_its_tests_read(project, tmp_path):
