@@ -1,0 +1,71 @@
+"""Which cases are `thorough`, and how long cases took: `pytest --record FILE`.
+
+The short command leaves the cases of thorough.toml to `pytest -m thorough`; each stands there with its reason.
+"""
+
+import json
+import tomllib
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+ALL, MOVED = pytest.StashKey[int](), pytest.StashKey[int]()
+
+
+def read_table():
+    """Reason of each case, or of all cases of a function, by its name from tests/ on."""
+    groups = tomllib.loads((HERE / "thorough.toml").read_text(encoding="utf-8"))["moved"]
+    return {name: group["why"] for group in groups for name in group["cases"]}
+
+
+def pytest_addoption(parser):
+    parser.addoption("--record", metavar="FILE", help="write how long files and slow cases took")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config, items):
+    table = read_table()
+    used, files, moved = set(), set(), 0
+    for item in items:
+        name = item.nodeid.removeprefix("tests/")
+        files.add(name.partition("::")[0])
+        found = {name, name.partition("[")[0]} & table.keys()
+        if found:
+            used |= found
+            moved += 1
+            item.add_marker(pytest.mark.thorough)
+    config.stash[ALL], config.stash[MOVED] = len(items), moved
+    if not any("::" in str(argument) for argument in config.args):
+        lost = sorted(name for name in table.keys() - used if name.partition("::")[0] in files)
+        if lost:
+            raise pytest.UsageError(f"tests/thorough.toml names what is no test: {', '.join(lost)}")
+
+
+class Recorder:
+    """Seconds of each case, its fixtures included; in the process that hears of all of them."""
+
+    def __init__(self, path):
+        self.path, self.seconds = Path(path), defaultdict(float)
+
+    def pytest_runtest_logreport(self, report):
+        self.seconds[report.nodeid.removeprefix("tests/")] += report.duration
+
+    def pytest_sessionfinish(self):
+        files = defaultdict(float)
+        for name, seconds in self.seconds.items():
+            files[name.partition("::")[0]] += seconds
+        slow = sorted(((s, name) for name, s in self.seconds.items() if s > 1), reverse=True)
+        found = {
+            "seconds": round(sum(self.seconds.values())),
+            "cases": len(self.seconds),
+            "slow cases": {name: round(s, 1) for s, name in slow},
+            "files": {name: round(s, 1) for name, s in sorted(files.items())},
+        }
+        self.path.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+
+
+def pytest_configure(config):
+    if (path := config.getoption("--record")) and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(Recorder(path))
