@@ -24,6 +24,7 @@ import sympy as sp
 from sympy.core.function import AppliedUndef
 
 from . import calls, formula
+from .documenting import complete
 
 _PREDICATES = {  # of a number, or of an array of them
     "positive": lambda v: v > 0,
@@ -54,10 +55,11 @@ def door(options: Iterable[str] | None = None, /, **tests: Check) -> Callable[[F
 
     Each argument that is named here and given passes its test. `options` are the names that a function with
     ``**options`` passes on; "parameters" among them become those of its `system`. Of a class the constructor and every
-    public method are such calls.
+    public method are such calls. What many docstrings share is put in (documenting.py).
     """
 
     def decorate(target: Any) -> Any:
+        complete(target)
         if isinstance(target, type):
             return _with_doors(target)
         return _checked(target, options, tests) if tests or options else _called(target)

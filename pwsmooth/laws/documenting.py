@@ -1,17 +1,16 @@
-"""The sections of a law's docstring that its declarations already say: parameters, what is raised, the source.
+"""What the declarations of a law say for its docstring: its parameters, what is raised, the source.
 
-Chain: contract.py (`law`) -> **documenting**.
+Chain: contract.py (`law`) -> **documenting** -> door/documenting.py, which puts it in.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import inspect
 from typing import Any
 
-RAISES = """Raises
-------
-ValueError
+from ..door.documenting import complete
+
+RAISES = """ValueError
     A value of the wrong sign, not finite, or against another parameter.
 TypeError
     A value that is no number."""
@@ -20,20 +19,11 @@ _SIGNS = {"positive": "> 0", "nonnegative": ">= 0", "real": "of either sign"}
 
 
 def documented(cls: Any) -> Any:
-    """The law with Parameters, Raises and Notes in its docstring, in front of its Examples; overwrites `__doc__`."""
-    text = inspect.cleandoc(cls.__doc__ or "")
-    if not text or "Parameters\n---" in text:
-        return cls  # without docstrings (-OO), or written out
-    text, *examples = text.partition("Examples\n--------\n")
-    start, _, notes = text.partition("Notes\n-----\n")
+    """The law with Parameters, Raises and Notes in its docstring; overwrites `__doc__`."""
+    fields = {f.name: _entry(f) for f in dataclasses.fields(cls)}
+    form = f"This form of the law is {cls.certainty}." if cls.certainty else ""
     source = f"Source: {cls.source}." if cls.source else ""
-    sure = f"This form of the law is {cls.certainty}." if cls.certainty else ""
-    about = "\n\n".join(part for part in (notes.strip(), sure, source) if part)
-    fields = "\n".join(_entry(f) for f in dataclasses.fields(cls))
-    sections = [start.strip(), f"Parameters\n----------\n{fields}" if fields else "", RAISES if fields else ""]
-    sections += [f"Notes\n-----\n{about}" if about else "", "".join(examples).strip()]
-    cls.__doc__ = "\n\n".join(section for section in sections if section) + "\n"
-    return cls
+    return complete(cls, fields, {"Raises": RAISES if fields else "", "Notes": f"{form}\n\n{source}".strip()})
 
 
 def _entry(field: Any) -> str:
