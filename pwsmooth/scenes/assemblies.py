@@ -56,26 +56,10 @@ def block_train(
 
     Parameters
     ----------
-    law : Law
-        Of friction, of each block; internal states of it are each block's own.
     n : int
         Blocks, at least 2.
-    k : float, N/m
-        Spring to the frame, > 0.
-    coupling : float, N/m
-        Spring to each neighbour, > 0.
-    m : float, kg
-        Mass, > 0.
-    pull : float, m/s
-        Speed of the belt, > 0.
-    rough : float, m
-        Blocks start on the belt, up to so far from their places, > 0.
-    seed : int
-        Of these random places.
     periodic : bool
         The last block is joined to the first one.
-    t_span : (float, float), s
-        Suggested span.
 
     Returns
     -------
@@ -94,11 +78,6 @@ def block_train(
 
     Source: Burridge, Knopoff, Bull. Seismol. Soc. Am. 57 (1967) 341-371.
 
-    Examples
-    --------
-    >>> from pwsmooth import Recorder
-    >>> from pwsmooth.laws.friction import VelocityWeakening
-    >>> from pwsmooth.scenes import block_train
     >>> train = block_train(VelocityWeakening(F_s=1.2), n=200, t_span=(0, 20))
     >>> quakes = train.solve(record=Recorder()).catalogue.avalanches(drift=0.1)
     >>> bool(quakes.area.max() > 1)
@@ -121,26 +100,8 @@ def block_lattice(
 
     Parameters
     ----------
-    law : Law
-        Of friction, of each block; internal states of it are each block's own.
     shape : sequence of int
         Blocks along each axis.
-    k : float, N/m
-        Spring to the frame, > 0.
-    coupling : float, N/m
-        Spring to each neighbour, > 0.
-    m : float, kg
-        Mass, > 0.
-    pull : float, m/s
-        Speed of the belt, > 0.
-    rough : float, m
-        Blocks start on the belt, up to so far from their places, > 0.
-    seed : int
-        Of these random places.
-    periodic : bool
-        Opposite sides are joined.
-    t_span : (float, float), s
-        Suggested span.
 
     Returns
     -------
@@ -152,11 +113,6 @@ def block_lattice(
     ValueError, TypeError
         A number that is not positive; a law with elements of its own.
 
-    Examples
-    --------
-    >>> from pwsmooth import Recorder
-    >>> from pwsmooth.laws.friction import StaticKinetic
-    >>> from pwsmooth.scenes import block_lattice
     >>> plate = block_lattice(StaticKinetic(F_s=1.2), shape=(12, 12), t_span=(0, 20))
     >>> bool(plate.solve(record=Recorder()).catalogue.avalanches(drift=0.1).area.max() > 1)
     True
@@ -192,10 +148,6 @@ def firing_lattice(
         Rate of loss, >= 0.
     seed : int
         Of the random charges at the start, between 0 and 1.
-    periodic : bool
-        Opposite sides are joined.
-    t_span : (float, float), s
-        Suggested span.
 
     Returns
     -------
@@ -217,9 +169,6 @@ def firing_lattice(
 
     Source: Olami, Feder, Christensen, Phys. Rev. Lett. 68 (1992) 1244-1247, where leak = 0.
 
-    Examples
-    --------
-    >>> from pwsmooth.scenes import firing_lattice
     >>> run = firing_lattice(shape=(12, 12)).solve(t_eval=[0, 10])
     >>> len(run.events) > 1000 and not run.ambiguities
     True
@@ -276,8 +225,6 @@ def granular_chain(
         Between two balls, > 0.
     speed : float, m/s
         Of the first ball at the start, > 0.
-    t_span : (float, float), s
-        Suggested span.
 
     Returns
     -------
@@ -295,11 +242,8 @@ def granular_chain(
     With equal masses and e = 1 the last one leaves with the speed of the first, Newton's cradle. Where e < 1 the balls
     behind catch up, and come to rest on each other in clusters.
 
-    Examples
-    --------
     Balls that become smaller pass a blow on faster:
 
-    >>> from pwsmooth.scenes import granular_chain
     >>> run = granular_chain(n=20, taper=0.9).solve(t_eval=[0, 2])
     >>> print(f"{run['v_20'][-1]:.6f}; {(2 / 1.9)**19:.6f}")
     2.650034; 2.650034
@@ -361,8 +305,6 @@ def plate_stack(
         Friction between any two plates that a clamp presses together, >= 0.
     weight : float, N
         Friction that the weight of one plate makes in all joints below it, >= 0; one of the two is > 0.
-    t_span : (float, float), s
-        Suggested span.
 
     Returns
     -------
@@ -381,9 +323,6 @@ def plate_stack(
     as one from k (k - 1)/2 m shear/clamp on: rest comes from above, ever more slowly. Their own weight holds lower
     joints harder; all slow down alike, and the joints close one after the other from below, every m shear/weight.
 
-    Examples
-    --------
-    >>> from pwsmooth.scenes import plate_stack
     >>> run = plate_stack(n=20, clamp=1.0).solve((0, 25))
     >>> print(len(run.events), f"{run.events[-1].time:.6f}", run.events[0].switch)
     20 21.000000 joint_20
@@ -459,9 +398,6 @@ def rate_state_train(
     Source: Ruina, J. Geophys. Res. 88 (1983) 10359-10370 (critical stiffness); Rice, J. Geophys. Res. 98 (1993)
     9885-9907 (quasi-dynamic damping).
 
-    Examples
-    --------
-    >>> from pwsmooth.scenes import rate_state_train
     >>> run = rate_state_train(n=5, rough=0).solve((0, 300))
     >>> print(len(run.events), f"{run.events[5].time - run.events[0].time:.4f}")
     15 132.8624
@@ -502,12 +438,6 @@ def element_cloud(
         With elements in parallel, such as `MaxwellSlip` of a measured virgin curve.
     position : Expr of t
         In the unit of length of the law.
-    t_span : (float, float), s
-        Suggested span.
-    period : float, s, optional
-        Of the motion.
-    parameters : mapping of (Symbol or str) to float, optional
-        Values of the motion's symbols, in its units.
 
     Returns
     -------
@@ -523,9 +453,6 @@ def element_cloud(
     --------
     Ten thousand sliders whose strengths are spread evenly: the first loading is x - x^2/2.
 
-    >>> import numpy as np
-    >>> from pwsmooth.laws.friction import MaxwellSlip
-    >>> from pwsmooth.scenes import element_cloud, t
     >>> n = 10_000
     >>> law = MaxwellSlip(kappa=(1 / n,) * n, strength=tuple((np.arange(n) + 0.5) / n**2))
     >>> run = element_cloud(law, position=t, t_span=(0, 0.8)).solve(t_eval=[0, 0.4, 0.8])

@@ -37,16 +37,10 @@ def free_impact(
 
     Parameters
     ----------
-    law : Law
-        A contact law.
     speed : float, m/s
         Towards the wall, > 0.
-    m : float, kg
-        Mass, > 0.
     approach : float, m
         Gap at the start, >= 0; 0 starts at touch-down.
-    t_span : (float, float), s
-        Suggested span.
 
     Returns
     -------
@@ -57,10 +51,6 @@ def free_impact(
     -----
     m dv/dt = -F.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.contact import HertzImpact, effective_restitution
-    >>> from pwsmooth.scenes import free_impact
     >>> scene = free_impact(HertzImpact(c_r=0.5), speed=2.0)
     >>> e = -scene.solve()["v"][-1] / 2.0
     >>> bool(abs(e - effective_restitution("lankarani-nikravesh", 0.5)) < 1e-8)  # ten times rtol
@@ -83,16 +73,10 @@ def falling_ball(
 
     Parameters
     ----------
-    law : Law
-        A contact law.
     height : float, m
         Gap at the start, > 0.
-    m : float, kg
-        Mass, > 0.
     g : float, m/s^2
         Gravity, > 0.
-    t_span : (float, float), s
-        Suggested span.
 
     Returns
     -------
@@ -103,12 +87,8 @@ def falling_ball(
     -----
     m dv/dt = m g - F.
 
-    Examples
-    --------
     Each apex of a rigid ball is e^2 times the one before:
 
-    >>> from pwsmooth.laws.contact import RigidImpact
-    >>> from pwsmooth.scenes import falling_ball
     >>> scene = falling_ball(RigidImpact(e=0.8), height=1.0, t_span=(0, 2))
     >>> solution = scene.solve(dense_output=True)
     >>> [f"{apex:.6f}" for apex in scene.observe(solution)["apexes"][:2]]
@@ -150,18 +130,6 @@ def impact_oscillator(
         A contact law, of the stop.
     d : float, m
         Where the stop stands, from the spring's rest.
-    k : float, N/m
-        Spring.
-    c : float, N s/m
-        Damper.
-    m : float, kg
-        Mass, > 0.
-    amplitude : float, N
-        Of the drive.
-    omega : float, rad/s
-        Of the drive.
-    t_span : (float, float), s
-        Suggested span.
     start : (float, float), m and m/s
         x and its velocity; x <= d.
 
@@ -175,16 +143,10 @@ def impact_oscillator(
     ValueError
         A mass or frequency that is not positive, a start inside the stop.
 
-    Notes
-    -----
     Source: the impact oscillator of Shaw and Holmes, J. Sound Vib., 1983; the law has its own.
 
-    Examples
-    --------
     The steady motion meets the stop above the grazing amplitude, and never below:
 
-    >>> from pwsmooth.laws.contact import RigidImpact
-    >>> from pwsmooth.scenes import grazing_amplitude, impact_oscillator
     >>> grazing = grazing_amplitude(d=1.0, k=1.0, c=0.5, m=1.0, omega=0.8)
     >>> for share in (0.99, 1.01):
     ...     scene = impact_oscillator(RigidImpact(e=0.8), c=0.5, amplitude=share * grazing, t_span=(0, 150))
@@ -214,27 +176,14 @@ def grazing_amplitude(d: float, k: float, c: float, m: float, omega: float) -> f
     ----------
     d : float, m
         Where the stop stands.
-    k : float, N/m
-        Spring.
-    c : float, N s/m
-        Damper.
-    m : float, kg
-        Mass, > 0.
-    omega : float, rad/s
-        Of the drive.
 
     Returns
     -------
     float
         Amplitude d sqrt((k - m omega^2)^2 + (c omega)^2), N.
 
-    Notes
-    -----
     Source: the amplitude of the linear oscillator's steady motion.
 
-    Examples
-    --------
-    >>> from pwsmooth.scenes import grazing_amplitude
     >>> grazing_amplitude(d=1.0, k=2.0, c=0.0, m=1.0, omega=1.0)
     1.0
     """
@@ -255,34 +204,20 @@ def pressed_block(
 
     Parameters
     ----------
-    law : Law
-        A contact law.
     force : Expr of t
         u(t), N; > 0 presses.
-    m : float, kg
-        Mass, > 0.
     p0 : float, m
         Indentation at the start, at rest there.
-    t_span : (float, float), s
-        Suggested span.
-    parameters : mapping of (Symbol or str) to float, optional
-        Values of the force's symbols, in its units.
 
     Returns
     -------
     Scene
         States p, v; outputs `force`, `energy`, `pull`.
 
-    Notes
-    -----
     Source: X. Xiong's thesis, chapter 5, figure 5.3; the law has its own.
 
-    Examples
-    --------
     Kelvin and Voigt's contact sticks to the wall; one that is released where its force vanishes does not:
 
-    >>> from pwsmooth.laws.contact import KelvinVoigt, LinearResidual
-    >>> from pwsmooth.scenes import pressed_block, t
     >>> for law in (KelvinVoigt(), LinearResidual()):
     ...     force = pressed_block(law, 10 - 200 * t, p0=0.01, t_span=(0, 0.2)).solve()["force"]
     ...     print(f"{type(law).__name__} pulls with {max(0.0, -force.min()):.1f} N")

@@ -18,11 +18,13 @@ import sympy as sp
 
 from ..definition.primitives import Event, Memory
 from ..door import checks
+from ..door.documenting import complete
 from ..laws import Law, Pieces
 
 __all__ = ["ClearanceJoint", "clearance_joint"]
 
 
+@complete
 class ClearanceJoint(NamedTuple):
     """What the joint does to the two bodies, and what it brings to the System.
 
@@ -43,15 +45,8 @@ class ClearanceJoint(NamedTuple):
     events : tuple of Event
         The joint's own, where the law has none on the wall.
 
-    Notes
-    -----
     Source: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, for the kinematics.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.laws.contact import Hertz
-    >>> from pwsmooth.scenes.journal import clearance_joint
     >>> x, y, u, v = sp.symbols("x y u v", real=True)
     >>> joint = clearance_joint((x, y), (u, v), c=1e-3, R_B=0.01, R_J=0.009, normal=Hertz())
     >>> joint.indentation, joint.friction
@@ -119,16 +114,9 @@ def clearance_joint(
     ValueError
         A friction law that needs more than the slip velocity.
 
-    Notes
-    -----
     Source: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, for the kinematics; the form that is regular at the
     bearing's centre is derived here.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.laws.contact import Hertz
-    >>> from pwsmooth.scenes.journal import clearance_joint
     >>> x, y, u, v = sp.symbols("x y u v", real=True)
     >>> joint = clearance_joint((x, y), (u, v), c=1e-3, R_B=0.01, R_J=0.009, normal=Hertz())
     >>> [event.name for event in joint.pieces[0].events]

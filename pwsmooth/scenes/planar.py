@@ -68,12 +68,6 @@ def incline(
         Of the incline, below pi/2.
     velocity : (float, float), m/s
         At the start, downhill and across.
-    m : float, kg
-        Mass, > 0.
-    g : float, m/s^2
-        Gravity.
-    t_span : (float, float), s
-        Suggested span.
 
     Returns
     -------
@@ -85,17 +79,10 @@ def incline(
     ValueError, TypeError
         A slope that is no incline.
 
-    Notes
-    -----
     Source: Am. J. Phys. 82 (2014) 764 for its closed form under Coulomb friction.
 
-    Examples
-    --------
     Thrown across at 1 m/s it stops after kappa v/(G (kappa^2 - 1)), kappa = mu/tan(slope), G = g sin(slope):
 
-    >>> import math
-    >>> from pwsmooth.laws.friction import Coulomb
-    >>> from pwsmooth.scenes import incline
     >>> thrown = incline(Coulomb(F_c=1.5 * math.tan(0.5)), slope=0.5).solve()
     >>> print(f"{thrown.event_times('stick')[0]:.9f} {1.2 / 9.81 / math.sin(0.5):.9f}")
     0.255147357 0.255147357
@@ -129,14 +116,6 @@ def shaken_plate(
         Slope of the plate in both directions; the body is pulled by m g times it.
     velocity : (float, float), m/s
         Of the body at the start.
-    m : float, kg
-        Mass, > 0.
-    g : float, m/s^2
-        Gravity.
-    period : float, s, optional
-        Period of the shaking.
-    t_span : (float, float), s
-        Suggested span.
 
     Returns
     -------
@@ -149,18 +128,11 @@ def shaken_plate(
     ValueError, TypeError
         A plate that falls faster than the body.
 
-    Notes
-    -----
     Source: Winkler, Int. J. Mech. Sci. 20 (1978) 561, for vibratory conveyance.
 
-    Examples
-    --------
     On a plate that moves on a circle at the speed U, faster than friction can hold it, a body goes on a circle itself,
     at the speed mu g/omega:
 
-    >>> import sympy as sp
-    >>> from pwsmooth.laws.friction import Coulomb
-    >>> from pwsmooth.scenes import shaken_plate, t
     >>> plate = (-2 * sp.sin(5 * t), 2 * sp.cos(5 * t))
     >>> run = shaken_plate(Coulomb(F_c=0.3), plate, t_span=(0, 40)).solve()
     >>> print(f"{(run['v_x'][-1]**2 + run['v_y'][-1]**2)**0.5:.6f} {0.3 * 9.81 / 5:.6f}")
@@ -211,12 +183,6 @@ def bristle_bot(
         Direction of the lean in the plane.
     tilt : (float, float), dimensionless
         Slope of the ground in both directions; the body is pulled by m g times it.
-    m : float, kg
-        Mass, > 0.
-    g : float, m/s^2
-        Gravity.
-    t_span : (float, float), s
-        Suggested span.
 
     Returns
     -------
@@ -228,16 +194,10 @@ def bristle_bot(
     ValueError, TypeError
         Bristles that lie; a body that jumps.
 
-    Notes
-    -----
     Source: Cicconofri and DeSimone, Int. J. Non-Linear Mech. 76 (2015) 233, for the mechanism; rigid bristles here.
 
-    Examples
-    --------
     It goes along its heading, and with the other lean against it:
 
-    >>> from pwsmooth.laws.friction import Coulomb
-    >>> from pwsmooth.scenes import bristle_bot
     >>> print(*(f"{bristle_bot(Coulomb(F_c=0.3), lean=lean).solve()['x'][-1]:.4f}" for lean in (0.5, -0.5)))
     0.1014 -0.1014
     """
@@ -264,22 +224,12 @@ def planar_oscillator(
 
     Parameters
     ----------
-    law : Law
-        Of friction in the plane.
     force : (Expr of t or Drive, Expr of t or Drive), N
         Its components; of ground that accelerates by a, -m a.
     k : float, N/m
         Spring, the same in all directions.
-    c : float, N s/m
-        Damper.
-    m : float, kg
-        Mass, > 0.
     start, velocity : (float, float), m and m/s
         At the start.
-    normal : Expr of t, optional
-        Normal load; the law is per unit of load then.
-    period : float, s, optional
-        Period of the force.
     t_span : (float, float), s, optional
         (0, 30), or that of the record.
 
@@ -288,17 +238,10 @@ def planar_oscillator(
     Scene
         States x, y, v_x, v_y and the law's; outputs `friction_x`, `friction_y`, `slip_speed`.
 
-    Notes
-    -----
     Source: Griffin and Menq, J. Vib. Acoust. 113 (1991) 225, for circular forcing.
 
-    Examples
-    --------
     Under a circular force, larger than friction, the mass goes on a circle of radius sqrt(P^2 - F_c^2)/|k - m omega^2|:
 
-    >>> import sympy as sp
-    >>> from pwsmooth.laws.friction import Coulomb
-    >>> from pwsmooth.scenes import planar_oscillator, t
     >>> scene = planar_oscillator(Coulomb(F_c=0.6), (sp.cos(2 * t), sp.sin(2 * t)), t_span=(0, 60))
     >>> run = scene.solve()
     >>> print(f"{(run['x'][-1]**2 + run['y'][-1]**2)**0.5:.6f} {0.8 / 3:.6f}")
@@ -339,8 +282,6 @@ def pulled_block(
 
     Parameters
     ----------
-    law : Law
-        Of friction in the plane.
     path : (Expr of t, Expr of t), m
         The end of the spring.
     plate : (Expr of t, Expr of t), m/s
@@ -349,16 +290,8 @@ def pulled_block(
         Spring, of no length when relaxed.
     c : float, N s/m
         Damper beside it.
-    m : float, kg
-        Mass, > 0.
     start : (float, float), m
         Place of the block, at rest.
-    normal : Expr of t, optional
-        Normal load; the law is per unit of load then.
-    period : float, s, optional
-        Period of the plate.
-    t_span : (float, float), s
-        Suggested span.
 
     Returns
     -------
@@ -366,19 +299,12 @@ def pulled_block(
         States x, y, v_x, v_y and the law's; outputs `friction_x`, `friction_y`, `slip_speed`, `pull_x`, `pull_y` (the
         force of the spring).
 
-    Notes
-    -----
     Source: derived here; the friction under a plate that vibrates is that of Gutowski and Leus, and of Popov's group,
     Front. Mech. Eng. 6:69 (2020).
 
-    Examples
-    --------
     A light block follows around a corner on a tractrix: the tangent of half the angle of the spring falls with
     exp(-s/L) where the end has gone s, L = F_c/k:
 
-    >>> import math
-    >>> from pwsmooth.laws.friction import Coulomb
-    >>> from pwsmooth.scenes import pulled_block, t
     >>> start = (-math.sin(1.5), -math.cos(1.5))
     >>> corner = pulled_block(Coulomb(F_c=1.0), (0, t), start=start, m=1e-5, t_span=(0, 2)).solve()
     >>> print(f"{corner['x'][-1]:.3f} {-math.sin(2 * math.atan(math.tan(0.75) * math.exp(-2))):.3f}")

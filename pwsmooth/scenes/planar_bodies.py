@@ -42,18 +42,12 @@ def spinning_disc(
     ----------
     law : Law
         `Contensou` or `LimitEllipsoid`, of a contact that spins.
-    velocity : (float, float), m/s
-        At the start.
     spin : float, rad/s
         At the start.
-    m : float, kg
-        Mass, > 0.
     inertia : float, kg m^2
         Moment of inertia about the axis; m R^2/2 of a uniform disc.
     push : (float, float, float), N, N and N m
         Constant force and moment.
-    t_span : (float, float), s
-        Suggested span.
 
     Returns
     -------
@@ -65,14 +59,8 @@ def spinning_disc(
     ValueError, TypeError
         A law of a contact that does not spin.
 
-    Notes
-    -----
     Source: Farkas, Bartels, Unger, Wolf, PRL 90 (2003) 248302: slide and spin of a uniform disc stop together.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.friction import Contensou
-    >>> from pwsmooth.scenes import spinning_disc
     >>> thrown = spinning_disc(Contensou(), velocity=(1, 0), spin=0.25).solve()
     >>> print(f"{thrown.event_times('stick')[0]:.9f}")
     1.040528902
@@ -109,14 +97,10 @@ def gripped_bar(
         Force of the grip, > 0.
     arm : float, m
         Distance of the centre of mass from the pad, at the start horizontal.
-    m : float, kg
-        Mass, > 0.
     inertia : float, kg m^2
         Moment of inertia about the centre of mass.
     g : float, m/s^2
         Gravity, along -y.
-    t_span : (float, float), s
-        Suggested span.
 
     Returns
     -------
@@ -129,16 +113,10 @@ def gripped_bar(
     ValueError, TypeError
         A law of a contact that does not spin.
 
-    Notes
-    -----
     Source: limit surfaces of grasps, Howe and Cutkosky, Int. J. Robotics Research 15 (1996) 531.
 
-    Examples
-    --------
     An ellipsoid holds m g and m g arm together up to grip mu = m g sqrt(1 + (arm/(k R))^2):
 
-    >>> from pwsmooth.laws.friction import LimitEllipsoid
-    >>> from pwsmooth.scenes import gripped_bar, t
     >>> pad = LimitEllipsoid(F_c=0.5, R=0.03)
     >>> run = gripped_bar(pad, 80 - 20 * t, t_span=(0, 1.5)).solve()
     >>> print(f"{80 - 20 * run.events[0].time:.6f} {9.81 / 0.5 * (1 + (0.05 / 0.02)**2)**0.5:.6f}")
@@ -173,38 +151,24 @@ def billiard_ball(
     ----------
     law : Law
         Of friction in the plane, per unit of the load m g.
-    velocity : (float, float), m/s
-        At the start.
     spins : (float, float), rad/s
         About the two horizontal axes, at the start; rolling without slip is (-v_y, v_x)/radius.
     radius : float, m
         Of the ball.
-    m : float, kg
-        Mass, > 0.
     inertia : float, kg m^2
         Moment of inertia, 2/5 m R^2 of a full ball.
-    g : float, m/s^2
-        Gravity.
     rolling : Law, optional
         Resistance against rolling, of the two spins, per unit of the load.
-    t_span : (float, float), s
-        Suggested span.
 
     Returns
     -------
     Scene
         States x, y, v_x, v_y, omega_x, omega_y and the laws'; outputs `slip_x`, `slip_y`.
 
-    Notes
-    -----
     Source: Coriolis 1835, for the parabola and the velocity of rolling, v - slip/(1 + m R^2/I).
 
-    Examples
-    --------
     A full ball without a spin rolls at 5/7 of its speed, after 2/7 of it over mu g:
 
-    >>> from pwsmooth.laws.friction import Coulomb
-    >>> from pwsmooth.scenes import billiard_ball
     >>> run = billiard_ball(Coulomb(F_c=0.2)).solve()
     >>> print(f"{run['v_x'][-1]:.9f} {run.event_times('stick')[0]:.9f} {2 / 7 / 0.2 / 9.81:.9f}")
     0.714285714 0.145623999 0.145623999
@@ -252,8 +216,6 @@ def caster(
         Moments of inertia, about the pivot and of the wheel about its axle, > 0.
     load : float, N
         On the wheel, > 0.
-    t_span : (float, float), s
-        Suggested span.
 
     Returns
     -------
@@ -268,11 +230,6 @@ def caster(
 
     Source: derived here.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth.laws.friction import Coulomb
-    >>> from pwsmooth.scenes import caster
     >>> run = caster(Coulomb(F_c=0.5), swivel=2, trail=0.05).solve()
     >>> print(run.itinerary, f"{np.log(np.tan(run['swivel'][-1] / 2) / np.tan(1)):.6f}")
     ('stick (lam sliding)',) -20.000000
@@ -316,10 +273,6 @@ def stacked_plates(
         Of block and plate, > 0.
     block, plate : (float, float), m/s
         Their velocities at the start.
-    g : float, m/s^2
-        Gravity.
-    t_span : (float, float), s
-        Suggested span.
 
     Returns
     -------
@@ -332,16 +285,10 @@ def stacked_plates(
     ValueError, TypeError
         A mass that is not positive.
 
-    Notes
-    -----
     Source: derived here.
 
-    Examples
-    --------
     On a light plate over rough ground the block alone slides, as on the ground:
 
-    >>> from pwsmooth.laws.friction import Coulomb
-    >>> from pwsmooth.scenes import stacked_plates
     >>> run = stacked_plates(Coulomb(F_c=0.2), Coulomb(F_c=0.3), block=(0.6, 0.8)).solve()
     >>> print(f"{run.event_times('stick')[-1]:.9f} {1 / 0.2 / 9.81:.9f}, the plate moves {run['x_p'][-1]:.0f}")
     0.509683996 0.509683996, the plate moves 0

@@ -44,10 +44,6 @@ def prescribed_motion(
         Normal load; the law is per unit of load then.
     t_span : (float, float), s, optional
         (0, 1), or that of the record.
-    period : float, s, optional
-        Period of the motion.
-    parameters : mapping of (Symbol or str) to float, optional
-        Values of the drive's symbols, in its units.
     work : bool
         Add the state `work`, the integral of f v dt.
 
@@ -61,11 +57,6 @@ def prescribed_motion(
     ValueError, TypeError
         Both or none of `position` and `velocity`; a position that jumps; a drive that is no expression.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.laws.friction import Dahl
-    >>> from pwsmooth.scenes import prescribed_motion, t
     >>> rig = prescribed_motion(Dahl(sigma0=1e5, F_c=1.0), position=3e-5*sp.sin(t), t_span=(0, 20))
     >>> force = rig.solve()["force"]
     >>> round(float(force.max()), 6)  # tanh(sigma0 X/F_c), in the steady loop

@@ -36,8 +36,6 @@ class Scene(Described):
         The model.
     start : mapping of state name to float
         Initial state, in the units of the states.
-    t_span : (float, float), s
-        Suggested span.
     period : float, s, optional
         Period of the forcing; None if there is none.
     observables : mapping of str to (str or callable)
@@ -52,11 +50,6 @@ class Scene(Described):
     sketch : Sketch, optional
         The mechanism as shapes that move, for films and pages.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.scenes import Scene
     >>> x, v = sp.symbols("x v", real=True)
     >>> scene = Scene("block", System({x: v, v: -x - sp.sign(v)}), {"x": 3.5, "v": 0.0}, (0, 10),
     ...               observables={"end": lambda s: s["x"][-1]})
@@ -105,8 +98,6 @@ class Scene(Described):
             Another span.
         x0 : mapping or sequence of float, length n, optional
             Another start, in the units of the states.
-        **options
-            Those of `pwsmooth.solve`.
 
         Returns
         -------
@@ -205,14 +196,8 @@ def assemble(
     ValueError
         Two of them use one name; `attach(name=...)` tells laws apart.
 
-    Examples
-    --------
     A block between two walls of Hertz's kind:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import solve
-    >>> from pwsmooth.laws.contact import Hertz
-    >>> from pwsmooth.scenes import assemble
     >>> x, v = sp.symbols("x v", real=True)
     >>> right = Hertz().attach(position=x - 1, velocity=v, name="right")
     >>> left = Hertz().attach(position=-1 - x, velocity=-v, name="left")

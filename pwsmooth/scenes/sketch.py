@@ -28,14 +28,6 @@ __all__ = ["Arrow", "Ball", "Bar", "Belt", "Block", "Clearance", "Ground", "Join
 class Shape:
     """A part of a sketch; the base of all kinds.
 
-    Parameters
-    ----------
-    name : str
-        Its own, in its sketch.
-
-    Examples
-    --------
-    >>> from pwsmooth.scenes.sketch import Ball, Shape
     >>> isinstance(Ball("ball", x=0, y=1, radius=0.1), Shape)
     True
     """
@@ -77,21 +69,9 @@ class Block(Shape):
 
     Parameters
     ----------
-    name : str
-        Its own, in its sketch.
-    x, y : Expr, in the unit of length
-        Of its middle.
     width, height : float, in the unit of length
         Its size.
-    angle : Expr, rad
-        By which it is turned.
-    phase : str
-        A switch or contact whose status colours it.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.scenes.sketch import Block
     >>> Block("block", x=sp.Symbol("y"), y=0.2, width=1, height=0.4, phase="lam").describe()["places"]
     ['x', 'y', 'angle']
     """
@@ -111,23 +91,6 @@ class Block(Shape):
 class Ball(Shape):
     """A disc with a mark that turns.
 
-    Parameters
-    ----------
-    name : str
-        Its own, in its sketch.
-    x, y : Expr, in the unit of length
-        Of its middle.
-    radius : float, in the unit of length
-        Its size.
-    angle : Expr, rad
-        By which it is turned.
-    phase : str
-        A switch or contact whose status colours it.
-
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.scenes.sketch import Ball
     >>> Ball("ball", x=0, y=sp.Symbol("h") + 1, radius=1).y
     h + 1
     """
@@ -156,19 +119,6 @@ class _Line(Shape):
 class Spring(_Line):
     """A zigzag between two points.
 
-    Parameters
-    ----------
-    name : str
-        Its own, in its sketch.
-    x_1, y_1, x_2, y_2 : Expr, in the unit of length
-        Its ends.
-    width : float, in the unit of length
-        Across.
-
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.scenes.sketch import Spring
     >>> Spring("spring", -2, 0.2, sp.Symbol("y"), 0.2, width=0.2).describe()["kind"]
     'spring'
     """
@@ -181,19 +131,6 @@ class Spring(_Line):
 class Bar(_Line):
     """A link between two points.
 
-    Parameters
-    ----------
-    name : str
-        Its own, in its sketch.
-    x_1, y_1, x_2, y_2 : Expr, in the unit of length
-        Its ends.
-    width : float, in the unit of length
-        Across.
-
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.scenes.sketch import Bar
     >>> phi = sp.Symbol("phi")
     >>> Bar("crank", 0, 0, sp.cos(phi), sp.sin(phi), width=0.1).x_2
     cos(phi)
@@ -207,16 +144,6 @@ class Bar(_Line):
 class Ground(_Line):
     """A wall or floor, hatched to the right of the way from its first point to the second.
 
-    Parameters
-    ----------
-    name : str
-        Its own, in its sketch.
-    x_1, y_1, x_2, y_2 : Expr, in the unit of length
-        Its ends.
-
-    Examples
-    --------
-    >>> from pwsmooth.scenes.sketch import Ground
     >>> Ground("floor", -1, 0, 1, 0).describe()["places"]
     ['x_1', 'y_1', 'x_2', 'y_2']
     """
@@ -229,8 +156,6 @@ class Belt(_Line):
 
     Parameters
     ----------
-    name : str
-        Its own, in its sketch.
     x_1, y_1, x_2, y_2 : Expr, in the unit of length
         Ends of its upper side.
     travel : Expr, in the unit of length
@@ -238,10 +163,6 @@ class Belt(_Line):
     mark : float, in the unit of length
         Distance of two marks.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.scenes.sketch import Belt
     >>> Belt("belt", -2, 0, 2, 0, travel=sp.Symbol("t") / 2, mark=0.5).travel
     t/2
     """
@@ -257,18 +178,6 @@ class Belt(_Line):
 class Joint(Shape):
     """A small circle in which links turn.
 
-    Parameters
-    ----------
-    name : str
-        Its own, in its sketch.
-    x, y : Expr, in the unit of length
-        Of its middle.
-    radius : float, in the unit of length
-        Its size.
-
-    Examples
-    --------
-    >>> from pwsmooth.scenes.sketch import Joint
     >>> Joint("pivot", 0, 0, radius=0.05).radius
     0.05
     """
@@ -285,18 +194,6 @@ class Joint(Shape):
 class Clearance(Joint):
     """An open circle within which another part may move.
 
-    Parameters
-    ----------
-    name : str
-        Its own, in its sketch.
-    x, y : Expr, in the unit of length
-        Of its middle.
-    radius : float, in the unit of length
-        Its size.
-
-    Examples
-    --------
-    >>> from pwsmooth.scenes.sketch import Clearance
     >>> Clearance("bearing", 0, 0, radius=0.2).describe()["kind"]
     'clearance'
     """
@@ -309,17 +206,11 @@ class Arrow(Shape):
 
     Parameters
     ----------
-    name : str
-        Its own, in its sketch.
     x, y : Expr, in the unit of length
         Where it begins.
     dx, dy : Expr, in the unit of length
         From its beginning to its head.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.scenes.sketch import Arrow
     >>> Arrow("drive", 0, 0.5, sp.Symbol("drive") / 4, 0).dx
     drive/4
     """
@@ -351,12 +242,6 @@ class Sketch:
     ValueError, TypeError
         Two shapes of one name, or none; bounds that enclose nothing.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
-    >>> from pwsmooth.scenes import Sketch
-    >>> from pwsmooth.scenes.sketch import Block, Spring
     >>> x, v = sp.symbols("x v", real=True)
     >>> block = Block("block", x, 0.2, width=0.8, height=0.4)
     >>> sketch = Sketch([Spring("spring", -5, 0.2, x - 0.4, 0.2, width=0.2), block])

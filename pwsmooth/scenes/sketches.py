@@ -121,9 +121,6 @@ def chain_of_blocks(positions: Sequence[Any], *, spacing: float = 1.0, switches:
     ValueError
         No positions, another number of switches, or a spacing that is not positive.
 
-    Examples
-    --------
-    >>> from pwsmooth.scenes import chain_of_blocks
     >>> [shape.name for shape in chain_of_blocks(["y_1", "y_2"]).shapes]
     ['ground', 'spring 1', 'block 1', 'block 2']
     """

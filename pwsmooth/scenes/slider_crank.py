@@ -81,16 +81,8 @@ def slider_crank(
         Radial clearance R_B - R_J, > 0 and below the bearing's radius.
     c_r : float, dimensionless
         Coefficient of restitution of the default contact law.
-    rpm : float, in units of revolutions a minute
-        Crank speed.
     bearing, crank, rod : float, m
         Radius R_B, and lengths.
-    rod_mass : float, kg
-        Mass of the rod.
-    rod_inertia : float, kg m^2
-        About the rod's centre of mass at mid-length.
-    slider_mass : float, kg
-        Mass of the slider.
     gravity : float, m/s^2
         In the direction of -y.
     start : (float, float), m
@@ -110,16 +102,11 @@ def slider_crank(
         A clearance, length, mass or speed that is not positive; a journal that is not smaller than its bearing; a
         start inside the wall; a law with another clearance.
 
-    Notes
-    -----
     Source: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, Table 4, for masses and lengths. Assumed, as not
     printed there: rod's centre of mass, 200 rpm, radii, joint length, steel, friction coefficient 0.01, no gravity.
 
-    Examples
-    --------
     The first impact after free flight:
 
-    >>> from pwsmooth.scenes import slider_crank
     >>> scene = slider_crank(clearance=1e-3)
     >>> first = scene.solve((0, 0.01)).event_times("reset", "touch-down")[0]
     >>> print(f"{1e3 * first:.6f} ms")
@@ -219,26 +206,13 @@ class IdealSliderCrank:
 
     Parameters
     ----------
-    rpm : float, in units of revolutions a minute
-        Crank speed.
     crank, rod : float, m
         Lengths.
-    rod_mass : float, kg
-        Mass of the rod.
-    rod_inertia : float, kg m^2
-        About the rod's centre of mass at mid-length.
-    slider_mass : float, kg
-        Mass of the slider.
 
-    Notes
-    -----
     Source: the kinematics of the slider-crank; the torque is the rate of the kinetic energy with the crank angle.
 
-    Examples
-    --------
     At phi = 0 the slider's acceleration is -omega^2 r (1 + r/l):
 
-    >>> from pwsmooth.scenes import IdealSliderCrank
     >>> ideal = IdealSliderCrank()
     >>> print(f"{ideal.acceleration(0.0):.3f} {-ideal.omega**2 * ideal.r * (1 + ideal.r / ideal.l):.3f}")
     -25.588 -25.588
@@ -262,11 +236,6 @@ class IdealSliderCrank:
     def position(self, phi: Any) -> Any:
         """Position of the slider.
 
-        Parameters
-        ----------
-        phi : float or array_like, any shape, rad
-            Crank angles.
-
         Returns
         -------
         float or ndarray
@@ -276,11 +245,6 @@ class IdealSliderCrank:
 
     def velocity(self, phi: Any) -> Any:
         """Velocity of the slider.
-
-        Parameters
-        ----------
-        phi : float or array_like, any shape, rad
-            Crank angles.
 
         Returns
         -------
@@ -293,11 +257,6 @@ class IdealSliderCrank:
     def acceleration(self, phi: Any) -> Any:
         """Acceleration of the slider.
 
-        Parameters
-        ----------
-        phi : float or array_like, any shape, rad
-            Crank angles.
-
         Returns
         -------
         float or ndarray
@@ -308,11 +267,6 @@ class IdealSliderCrank:
 
     def torque(self, phi: Any) -> Any:
         """Driving torque at constant speed: d(kinetic energy)/d phi.
-
-        Parameters
-        ----------
-        phi : float or array_like, any shape, rad
-            Crank angles.
 
         Returns
         -------

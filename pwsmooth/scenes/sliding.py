@@ -56,20 +56,10 @@ def force_driven(
 
     Parameters
     ----------
-    law : Law
-        Of friction.
     force : Expr of t or Drive
         u, N.
-    m : float, kg
-        Mass, > 0.
-    normal : Expr of t, optional
-        Normal load; the law is per unit of load then.
     t_span : (float, float), s, optional
         (0, 1), or that of the record.
-    period : float, s, optional
-        Period of the force.
-    parameters : mapping of (Symbol or str) to float, optional
-        Values of the drive's symbols, in its units.
 
     Returns
     -------
@@ -85,12 +75,8 @@ def force_driven(
     -----
     m dv/dt = u - f.
 
-    Examples
-    --------
     Coulomb friction holds a force below F_c:
 
-    >>> from pwsmooth.laws.friction import Coulomb
-    >>> from pwsmooth.scenes import force_driven, t
     >>> pushed = force_driven(Coulomb(F_c=1.0), 0.5 * t, t_span=(0, 4)).solve()
     >>> [f"{event.kind} at {event.time:.6f}" for event in pushed.events]
     ['slip by tangency at 2.000000']
@@ -118,37 +104,21 @@ def block_on_belt(
 
     Parameters
     ----------
-    law : Law
-        Of friction.
-    k : float, N/m
-        Spring.
     pull : float, m/s
         Speed of the spring's end or of the belt.
-    m : float, kg
-        Mass, > 0.
     c : float, N s/m
         Damper, of the elongation's rate.
-    normal : Expr of t, optional
-        Normal load; the law is per unit of load then.
-    t_span : (float, float), s
-        Suggested span.
 
     Returns
     -------
     Scene
         States `elongation`, v and the law's; outputs `x`, `friction`, `drive`, and those of the law.
 
-    Notes
-    -----
     Source: the stick-slip test of the friction laws' papers, as of Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE
     TAC 40 (1995) 419-425; the law has its own.
 
-    Examples
-    --------
     The spring stretches until its force is that of static friction:
 
-    >>> from pwsmooth.laws.friction import StaticKinetic
-    >>> from pwsmooth.scenes import block_on_belt
     >>> solution = block_on_belt(StaticKinetic(F_s=1.5), k=2.0).solve()
     >>> print(f"{2.0 * solution['elongation'][solution.t <= solution.event_times('slip')[0]].max():.6f} N")
     1.500000 N
@@ -175,20 +145,6 @@ def friction_oscillator(
     ----------
     law : Law
         `HiddenStatic` gives the oscillator of the solid-friction paper.
-    k : float, N/m
-        Spring.
-    c : float, N s/m
-        Damper.
-    m : float, kg
-        Mass, > 0.
-    amplitude : float, N
-        Of the drive.
-    omega : float, rad/s
-        Of the drive.
-    normal : Expr of t, optional
-        Normal load; the law is per unit of load then.
-    t_span : (float, float), s
-        Suggested span.
     start : (float, float), m and m/s
         Displacement and velocity.
 
@@ -197,15 +153,9 @@ def friction_oscillator(
     Scene
         States y, v and the law's; outputs `friction`, `drive`, and those of the law.
 
-    Notes
-    -----
     Source: Jeffrey, On the mathematical basis of solid friction, sec. 2, whose parameters are the defaults; the law
     has its own.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.friction import HiddenStatic
-    >>> from pwsmooth.scenes import friction_oscillator
     >>> solution = friction_oscillator(HiddenStatic(rho=3.0, beta=0.1)).solve()
     >>> "stick (lam sliding)" in solution.itinerary
     True
@@ -230,8 +180,6 @@ def position_control(
 
     Parameters
     ----------
-    law : Law
-        Of friction.
     target : float, m
         Wanted position.
     proportional : float, N/m
@@ -240,29 +188,17 @@ def position_control(
         Gain k_d.
     integral : float, units of N/(m s)
         Gain k_i.
-    m : float, kg
-        Mass, > 0.
-    normal : Expr of t, optional
-        Normal load; the law is per unit of load then.
-    t_span : (float, float), s
-        Suggested span.
 
     Returns
     -------
     Scene
         States x, `integral`, v and the law's; outputs `friction`, `drive`, and those of the law.
 
-    Notes
-    -----
     Source: the hunting test of Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40 (1995) 419-425; the law
     has its own.
 
-    Examples
-    --------
     With static friction above the kinetic one the position hunts around its target:
 
-    >>> from pwsmooth.laws.friction import StaticKinetic
-    >>> from pwsmooth.scenes import position_control
     >>> solution = position_control(StaticKinetic(F_s=1.5), t_span=(0.0, 50.0)).solve()
     >>> len(solution.event_times("slip")) > 1
     True
