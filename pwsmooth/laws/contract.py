@@ -56,9 +56,6 @@ def law(declared: Any) -> Any:
     type
         The same class.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws import Law, law, parameter
     >>> @law
     ... class Viscous(Law):
     ...     c: float = parameter(0.5, "N s/m", "damping")
@@ -105,9 +102,6 @@ def parameter(
     dataclasses.Field
         With all this as its metadata.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws import parameter
     >>> parameter(1.0, "N", "Coulomb force").metadata["unit"]
     'N'
     """
@@ -144,10 +138,6 @@ class Pieces:
     fastest_rate : Expr
         Of its internal states, 1/s, away from switchings: what makes it stiff.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.laws.friction import Dahl
     >>> v = sp.Symbol("v", real=True)
     >>> pieces = Dahl(sigma0=1e5, F_c=2.0).attach(velocity=v)
     >>> pieces.force, pieces.rates, pieces.fastest_rate
@@ -181,10 +171,6 @@ class Law:
     ValueError, TypeError
         Of every law: a value of the wrong sign, not finite, or no number.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.laws import Law, Pieces, law, parameter
     >>> @law
     ... class Bristle(Law):
     ...     source = "Dahl 1968, exponent 1"

@@ -33,13 +33,8 @@ def clip(x, limit):
     Expr or tuple of Expr
         In the unit of x; of a number a Piecewise.
 
-    Notes
-    -----
     Source: the projection onto [-limit, limit], or onto the ball of this radius.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.inclusions import clip
     >>> clip(3, 2), clip(-1, 2), clip((3, 4), 1)
     (2, -1, (3/5, 4/5))
     """
@@ -66,14 +61,8 @@ def sat_of_sgn(x, limit, sigma):
     Expr or tuple of Expr
         y = clip(sigma x, limit), in the unit of `limit`.
 
-    Notes
-    -----
     Source: Kikuuwe and Xiong; proof on the page "Friction and contact as inclusions" of the documentation.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.laws.inclusions import sat_of_sgn
     >>> sat_of_sgn(3, limit=2, sigma=1), sat_of_sgn(sp.Rational(1, 2), limit=2, sigma=1)
     (2, 1/2)
     """
@@ -96,13 +85,8 @@ def max_of_dio(A, B, c):
     (Expr, Expr)
         a' = max(A, B) and y = c max(0, B - A).
 
-    Notes
-    -----
     Source: Kikuuwe and Xiong; proof on the page "Friction and contact as inclusions" of the documentation.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.inclusions import max_of_dio
     >>> max_of_dio(1, 3, c=2), max_of_dio(3, 1, c=2)
     ((3, 4), (3, 0))
     """
@@ -125,13 +109,8 @@ def sgn_defect(y, w, limit):
     float
         Distance of y from its projection of y + w, in the unit of y.
 
-    Notes
-    -----
     Source: the projection theorem.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.inclusions import sgn_defect
     >>> sgn_defect(2.0, 5.0, limit=2.0), sgn_defect(1.0, 5.0, limit=2.0)
     (0.0, 1.0)
     """
@@ -152,13 +131,8 @@ def dio_defect(y, w):
     float
         abs(min(w, y)), in the unit of both.
 
-    Notes
-    -----
     Source: 0 <= w, y and w y = 0 if and only if min(w, y) = 0.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.inclusions import dio_defect
     >>> dio_defect(0.0, 3.0), dio_defect(1.0, 3.0)
     (0.0, 1.0)
     """

@@ -46,10 +46,6 @@ class Joint:
     scales : dict of state to float
         Usual sizes, in the state's unit.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.laws import Joint
     >>> v = sp.Symbol("v", real=True)
     >>> joint = Joint(v, name="left")
     >>> joint.state("z", scale=1e-5), joint.scales
@@ -93,14 +89,10 @@ class Joint:
 
         Parameters
         ----------
-        name : str
-            Without the joint's name.
         start : float or Expr
             Relaxed initial value in the state's unit; it may be an expression of the motion.
         scale : float
             Usual size in the state's unit, from which its absolute tolerance follows.
-        **assumptions : bool
-            Of the symbol; `real` by default.
 
         Returns
         -------
@@ -122,8 +114,6 @@ class Joint:
 
         Parameters
         ----------
-        name : str
-            Without the joint's name.
         initial : float
             Value at the start, in the unit that the law gives it.
         **assumptions : bool
@@ -144,8 +134,6 @@ class Joint:
 
         Parameters
         ----------
-        name : str
-            Without the joint's name.
         surface : Expr
             Function h whose sign it is.
 
@@ -190,11 +178,6 @@ class Joint:
     def slip(self, name: str) -> Any:
         """The multiplier of the velocity: lambda = sign v, or v/|v| in the plane and in space.
 
-        Parameters
-        ----------
-        name : str
-            Without the joint's name.
-
         Returns
         -------
         Switch or Disc
@@ -237,8 +220,6 @@ class Joint:
         ----------
         name : str
             Without the joint's name; components get _x, _y, _z.
-        scale : float
-            Usual size in the state's unit.
         family : Family, optional
             One for every element of it.
 
@@ -332,14 +313,8 @@ class Joint:
         ----------
         family : Family
             The elements.
-        name : str
-            Without the joint's name.
         start : float or Expr
             Relaxed initial value in the state's unit.
-        scale : float
-            Usual size in the state's unit.
-        **assumptions : bool
-            Of the symbol; `real` by default.
 
         Returns
         -------

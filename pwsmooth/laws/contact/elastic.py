@@ -23,12 +23,8 @@ from .wall import AtWall
 class Hertz(AtWall):
     """Hertz's elastic contact, F = K p^n.
 
-    Examples
-    --------
     An elastic impact returns all of its speed:
 
-    >>> from pwsmooth.laws.contact import Hertz
-    >>> from pwsmooth.scenes import free_impact
     >>> print(f"{free_impact(Hertz(K=1e5), speed=2.0).solve()['v'][-1]:.6f} m/s")
     -2.000000 m/s
     """
@@ -45,12 +41,8 @@ class Hertz(AtWall):
 class KelvinVoigt(AtWall):
     """Spring and dashpot in parallel, F = K (p + b v).
 
-    Examples
-    --------
     It jumps at touch-down, and pulls at the end of the contact where it is not released before:
 
-    >>> from pwsmooth.laws.contact import KelvinVoigt
-    >>> from pwsmooth.scenes import free_impact
     >>> for release in ("zero indentation", "zero force"):
     ...     force = free_impact(KelvinVoigt(b=0.02, release=release), speed=1.0).solve()["force"]
     ...     print(f"{release}: begins with {force[0]:.1f} N, pulls with {max(0.0, -force.min()):.1f} N")
@@ -73,12 +65,8 @@ class KelvinVoigt(AtWall):
 class HuntCrossley(AtWall):
     """Damping in proportion to the elastic force, F = K p^n (1 + b v).
 
-    Examples
-    --------
     A free impact at speed v0 has the restitution of eta = b v0:
 
-    >>> from pwsmooth.laws.contact import HuntCrossley, restitution
-    >>> from pwsmooth.scenes import free_impact
     >>> end = free_impact(HuntCrossley(b=0.3), speed=2.0).solve()["v"][-1]
     >>> print(f"{-end / 2.0:.6f} {float(restitution(0.3 * 2.0)):.6f}")
     0.711950 0.711950
@@ -101,12 +89,8 @@ class HuntCrossley(AtWall):
 class Anagnostopoulos(AtWall):
     """Linear: the dashpot that gives c_r to the mass `m`, with zeta = -ln c_r/sqrt(pi^2 + ln^2 c_r).
 
-    Examples
-    --------
     A free impact of the mass that it was made for returns the share c_r of its speed:
 
-    >>> from pwsmooth.laws.contact import Anagnostopoulos
-    >>> from pwsmooth.scenes import free_impact
     >>> impact = free_impact(Anagnostopoulos(c_r=0.5, m=2.0), m=2.0, speed=1.0)
     >>> print(f"{impact.solve()['v'][-1]:.6f} m/s")
     -0.500000 m/s

@@ -13,11 +13,13 @@ from typing import Any, NamedTuple
 import sympy as sp
 
 from ...door import checks
+from ...door.documenting import complete
 from .restitution import exact_eta, restitution
 
 __all__ = ["ETA", "Factor", "damping_factor", "effective_restitution"]
 
 
+@complete
 class Factor(NamedTuple):
     """One entry of the table `ETA`.
 
@@ -28,13 +30,8 @@ class Factor(NamedTuple):
     source : str
         Where the formula comes from.
 
-    Notes
-    -----
     Source: each entry has its own.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.contact import ETA
     >>> ETA["hunt-crossley"].formula(0.5)
     0.750000000000000
     """
@@ -78,8 +75,6 @@ def damping_factor(name: str, c_r: Any) -> Any:
 
     Parameters
     ----------
-    name : str
-        Key of the table `ETA`.
     c_r : float or Expr, dimensionless
         Coefficient of restitution that is aimed at, > 0 and <= 1; an expression but for "zhang-sharf".
 
@@ -93,13 +88,8 @@ def damping_factor(name: str, c_r: Any) -> Any:
     ValueError
         An unknown name, or c_r outside (0, 1].
 
-    Notes
-    -----
     Source: that of the entry, `ETA[name].source`.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.contact import damping_factor
     >>> float(damping_factor("lankarani-nikravesh", 0.5))
     0.5625
     """
@@ -115,8 +105,6 @@ def effective_restitution(name: str, c_r: float) -> float:
 
     Parameters
     ----------
-    name : str
-        Key of the table `ETA`.
     c_r : float, dimensionless
         Coefficient of restitution that is aimed at, > 0 and <= 1.
 
@@ -130,13 +118,8 @@ def effective_restitution(name: str, c_r: float) -> float:
     ValueError
         An unknown name, or c_r outside (0, 1].
 
-    Notes
-    -----
     Source: derived here, by the closed form of `restitution`.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.contact import effective_restitution
     >>> round(effective_restitution("lankarani-nikravesh", 0.5), 6)
     0.725241
     """

@@ -78,9 +78,6 @@ class ImpactLaw(AtWall):
 class HertzImpact(ImpactLaw):
     """The elastic part g = K delta^n: Hunt and Crossley, Lankarani and Nikravesh, Flores, ... by the choice of eta.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.contact import HertzImpact, effective_restitution
     >>> law = HertzImpact(K=1e9, c_r=0.5, eta="lankarani-nikravesh")
     >>> print(f"asked for {law.c_r}, has {effective_restitution(law.eta, law.c_r):.4f}")
     asked for 0.5, has 0.7252
@@ -139,10 +136,6 @@ class _JournalLaw(ImpactLaw):
 class LiuImpact(_JournalLaw):
     """Liu's stiffness of a journal in its bearing; with "wang-liu-ma" the law of Wang, Liu and Ma.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.laws.contact import LiuImpact
     >>> d, v = sp.symbols("d v", real=True)
     >>> pieces = LiuImpact(clearance=5e-4).attach(position=d, velocity=v)
     >>> [event.name for event in pieces.events]
@@ -160,12 +153,9 @@ class LiuImpact(_JournalLaw):
 class BaiImpact(_JournalLaw):
     """Bai's hybrid: the tangent stiffness of Liu's force per length, and Zhiying and Qishao's factor.
 
-    Examples
-    --------
     Well inside the clearance it is 3/2 times Liu's force, as a tangent to delta^(3/2) is:
 
     >>> from types import SimpleNamespace
-    >>> from pwsmooth.laws.contact import BaiImpact, LiuImpact
     >>> laws = BaiImpact(clearance=5e-4), LiuImpact(clearance=5e-4)
     >>> bai, liu = (float(law.elastic(1e-9, SimpleNamespace(**law.values))) for law in laws)
     >>> print(f"{bai / liu:.5f}")

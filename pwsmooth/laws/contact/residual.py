@@ -47,12 +47,8 @@ class _Residual(AtWall):
 class LinearResidual(_Residual):
     """(5.4): linear, with residual indentation; gamma -> oo is Kelvin-Voigt released at zero force.
 
-    Examples
-    --------
     The force is gone before the indentation is:
 
-    >>> from pwsmooth.laws.contact import LinearResidual
-    >>> from pwsmooth.scenes import free_impact
     >>> solution = free_impact(LinearResidual(), speed=1.0).solve(dense_output=True)
     >>> lift_off = solution.event_times("reset", "lift-off")[0]
     >>> print(f"lift-off at an indentation of {1e3 * solution(lift_off, 'p'):.2f} mm")
@@ -90,10 +86,6 @@ class _Nonlinear(_Residual):
 class ResidualIndentation(_Nonlinear):
     """R1: nonlinear compliance with residual indentation, a reconstruction.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.contact import ResidualIndentation
-    >>> from pwsmooth.scenes import free_impact
     >>> solution = free_impact(ResidualIndentation(), speed=1.0).solve(dense_output=True)
     >>> lift_off = solution.event_times("reset", "lift-off")[0]
     >>> bool(solution(lift_off, "p") > 0)
@@ -120,12 +112,8 @@ class ResidualIndentation(_Nonlinear):
 class ResidualHuntCrossley(_Nonlinear):
     """R2: as Hunt-Crossley in the limit gamma -> oo, a reconstruction.
 
-    Examples
-    --------
     Without damping it is elastic:
 
-    >>> from pwsmooth.laws.contact import ResidualHuntCrossley
-    >>> from pwsmooth.scenes import free_impact
     >>> impact = free_impact(ResidualHuntCrossley(beta=0.0), speed=1.0)
     >>> print(f"{impact.solve()['v'][-1]:.6f} m/s")
     -1.000000 m/s

@@ -54,9 +54,6 @@ def restitution(eta):
 
     Source: derived here; the relation between eta and e is that of Zhang and Sharf 2004.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.contact import restitution
     >>> round(float(restitution(0.5)), 6)
     0.748435
     """
@@ -82,13 +79,8 @@ def exact_eta(e):
     ValueError
         `e` outside (0, 1].
 
-    Notes
-    -----
     Source: Zhang, Sharf 2004; the exact form of Gonthier et al. 2004 with d = eta e.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.contact import exact_eta
     >>> round(float(exact_eta(0.5)), 6)
     1.432751
     """
@@ -102,14 +94,8 @@ def maximal_indentation(stiffness, exponent, mass, speed, eta=0.0):
 
     Parameters
     ----------
-    stiffness : float, N/m^n
-        K.
     exponent : float, dimensionless
         n > 0; 3/2 is Hertz's.
-    mass : float, kg
-        Reduced mass.
-    speed : float, m/s
-        v0 at touch-down.
     eta : float, dimensionless
         Damping factor; 0 is the elastic contact.
 
@@ -123,13 +109,8 @@ def maximal_indentation(stiffness, exponent, mass, speed, eta=0.0):
     ValueError
         An argument that is not positive, or `eta` negative.
 
-    Notes
-    -----
     Source: derived here, by the integral of m v dv = -F d(delta) from v0 to 0.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.contact import maximal_indentation
     >>> float(maximal_indentation(1e5, 1, 1.0, 2.0)) == 2.0 * (1 / 1e5) ** 0.5
     True
     """
@@ -144,14 +125,8 @@ def contact_duration(stiffness, exponent, mass, speed):
 
     Parameters
     ----------
-    stiffness : float, N/m^n
-        K.
     exponent : float, dimensionless
         n > 0.
-    mass : float, kg
-        Reduced mass.
-    speed : float, m/s
-        v0 at touch-down.
 
     Returns
     -------
@@ -164,14 +139,9 @@ def contact_duration(stiffness, exponent, mass, speed):
     ValueError
         An argument that is not positive.
 
-    Notes
-    -----
     Source: Hertz 1882 for n = 3/2; derived here for other n, by the Beta function.
 
-    Examples
-    --------
     >>> from math import pi
-    >>> from pwsmooth.laws.contact import contact_duration
     >>> abs(contact_duration(4.0, 1, 1.0, 1.0) - pi / 2) < 1e-15
     True
     """
@@ -203,15 +173,10 @@ def phase_curve(eta, s):
     ValueError
         `eta` negative.
 
-    Notes
-    -----
     Source: derived here, by the integral of m v dv = -F d(delta); phi(x) = x - log(1 + x).
 
-    Examples
-    --------
     At the turning point of an elastic impact half of m v0^2 is stored:
 
-    >>> from pwsmooth.laws.contact import phase_curve
     >>> float(phase_curve(0.0, 0.0))
     0.5
     """

@@ -15,13 +15,8 @@ from ..contract import Law, Pieces, law, parameter
 class RigidImpact(Law):
     """Newton's impact law; the contact closes after accumulation or at zero speed.
 
-    Examples
-    --------
     The bounces of a ball add up to sqrt(2 h/g) (1 + e)/(1 - e), then it rests:
 
-    >>> import math
-    >>> from pwsmooth.laws.contact import RigidImpact
-    >>> from pwsmooth.scenes import falling_ball
     >>> last = falling_ball(RigidImpact(e=0.5), height=1.0, g=9.81).solve().events[-1]
     >>> print(f"{last.kind} at {last.time:.9f} s; {math.sqrt(2 / 9.81) * 3:.9f} s")
     closed contact at 1.354570923 s; 1.354570923 s

@@ -45,13 +45,8 @@ def composite_modulus(E_1: float, nu_1: float, E_2: float | None = None, nu_2: f
     ValueError
         A modulus that is not positive, a ratio that no isotropic body has.
 
-    Notes
-    -----
     Source: Hertz 1882, 1/E* = (1 - nu_1^2)/E_1 + (1 - nu_2^2)/E_2.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.contact import composite_modulus
     >>> round(composite_modulus(207e9, 0.3) / 1e9, 4)
     113.7363
     """
@@ -69,8 +64,6 @@ def hertz_stiffness(E_star: float, R_1: float, R_2: float = inf) -> float:
 
     Parameters
     ----------
-    E_star : float, Pa
-        Composite modulus.
     R_1, R_2 : float, m
         Radii; inf is a plane.
 
@@ -84,13 +77,8 @@ def hertz_stiffness(E_star: float, R_1: float, R_2: float = inf) -> float:
     ValueError
         A modulus or radius that is not positive.
 
-    Notes
-    -----
     Source: Hertz 1882, F = K delta^(3/2).
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.contact import hertz_stiffness
     >>> hertz_stiffness(3.0, 4.0)
     8.0
     """
@@ -107,8 +95,6 @@ def journal_stiffness(E_star: float, R_B: float, R_J: float) -> float:
 
     Parameters
     ----------
-    E_star : float, Pa
-        Composite modulus.
     R_B, R_J : float, m
         Radii of the bearing and of the journal, R_J < R_B.
 
@@ -123,13 +109,8 @@ def journal_stiffness(E_star: float, R_B: float, R_J: float) -> float:
     ValueError
         R_J >= R_B: the journal does not fit; a modulus or radius that is not positive.
 
-    Notes
-    -----
     Source: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.contact import composite_modulus, journal_stiffness
     >>> round(journal_stiffness(composite_modulus(207e9, 0.3), 0.01, 0.0095) / 1e10, 3)
     6.61
     """

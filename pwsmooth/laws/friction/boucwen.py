@@ -23,9 +23,6 @@ class BoucWen(Law):
 
     The defaults are chosen: 1 N at 10 um, as Dahl's.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.friction import BoucWen
     >>> law = BoucWen(A=1.0, beta=5e4, gamma=5e4)
     >>> print(f"{law.bound():.1e} m")
     1.0e-05 m

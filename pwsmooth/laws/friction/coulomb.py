@@ -17,9 +17,6 @@ from .stribeck import StribeckLaw, stribeck
 class Coulomb(Law):
     """Coulomb friction, f = F_c Sgn(v) + sigma2 v.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.friction import Coulomb
     >>> Coulomb(F_c=2.0, sigma2=0.5).steady_force([-1.0, 2.0]).tolist()
     [-2.5, 3.0]
     """
@@ -45,12 +42,8 @@ class StaticKinetic(StribeckLaw):
 
     The fold of f(lam) is the break-away: rho solves 2 rho ((1 + rho)/(3 rho))^(3/2) = F_s/F_c.
 
-    Examples
-    --------
     Under a slowly rising force the body breaks away at F_s, not at the force of slip:
 
-    >>> from pwsmooth.laws.friction import StaticKinetic
-    >>> from pwsmooth.scenes import force_driven, t
     >>> solution = force_driven(StaticKinetic(F_c=1.0, F_s=1.5), 0.1 * t, t_span=(0, 20)).solve()
     >>> event = solution.events[-1]
     >>> print(event.kind, f"{0.1 * event.time:.9f}")
@@ -101,9 +94,6 @@ class VelocityWeakening(StaticKinetic):
 
     In Carlson and Langer's scaling v_w = 1/(2 alpha), where F_s = F_c.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.friction import VelocityWeakening
     >>> VelocityWeakening(F_c=1.0, F_s=1.2, v_w=0.5).steady_force([-0.5, 1.5]).tolist()
     [-0.5, 0.25]
     """
@@ -125,9 +115,6 @@ class VelocityWeakening(StaticKinetic):
 class StribeckFriction(StribeckLaw):
     """Stribeck friction, f = g(v) Sgn(v) + sigma2 v: the limit of LuGre and XKY for stiff bristles.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.friction import StribeckFriction
     >>> law = StribeckFriction(F_c=1.0, F_s=1.5, v_s=1e-3, sigma2=0.0)
     >>> [round(force, 6) for force in law.steady_force([1e-9, 1e-3, 1e-2]).tolist()]
     [1.5, 1.18394, 1.0]
@@ -152,10 +139,6 @@ class HiddenStatic(Law):
 
     f = F_c lam (1 + rho z),    beta dz/dt = 1 - lam^2 - z
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.laws.friction import HiddenStatic
     >>> v = sp.Symbol("v", real=True)
     >>> pieces = HiddenStatic(F_c=1.0, rho=3.0).attach(velocity=v)
     >>> pieces.force
@@ -189,9 +172,6 @@ class ModifiedCoulomb(Law):
 
     f = F_c c_d sgn(v),  c_d = clip((|v| - v_0)/(v_1 - v_0), 0, 1)  =  F_c (clip(v, v_1) - clip(v, v_0))/(v_1 - v_0)
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.friction import ModifiedCoulomb
     >>> law = ModifiedCoulomb(F_c=2.0, v_0=0.1, v_1=0.3)
     >>> [round(float(law.steady_force(v)), 9) for v in (0.05, 0.2, 1.0)]
     [0.0, 1.0, 2.0]

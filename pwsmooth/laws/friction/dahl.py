@@ -15,14 +15,8 @@ from ..contract import Law, Pieces, law, parameter
 class Dahl(Law):
     """Dahl's law with exponent alpha; the state is the deflection z = F/sigma0.
 
-    Examples
-    --------
     The steady loop of amplitude X reaches F_c tanh(sigma0 X/F_c):
 
-    >>> import math
-    >>> import sympy as sp
-    >>> from pwsmooth.laws.friction import Dahl
-    >>> from pwsmooth.scenes import prescribed_motion, t
     >>> law = Dahl(sigma0=1e5, F_c=2.0)
     >>> rig = prescribed_motion(law, position=4e-5 * sp.sin(t), t_span=(0, 20))
     >>> print(f"{rig.solve()['force'].max():.6f} {2.0 * math.tanh(2.0):.6f}")
@@ -60,10 +54,6 @@ class ModifiedDahl(Law):
 
     Reconstructed; slope 0 and beta = sigma0/F_c give Dahl's law with exponent 1.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.laws.friction import ModifiedDahl
     >>> x, v = sp.symbols("x v", real=True)
     >>> ModifiedDahl(slope=10.0).attach(position=x, velocity=v).rates
     {h: beta*(F_c*v + (-h + slope*x)*Abs(v))}
@@ -90,11 +80,8 @@ class BlimanSorine(Law):
 
     Each reversal is followed by a peak (no Stribeck curve: it belongs to the path, not to the speed).
 
-    Examples
-    --------
     After the peak of f_1 that follows a start or a reversal, f_1 - f_2 is left:
 
-    >>> from pwsmooth.laws.friction import BlimanSorine
     >>> float(BlimanSorine(f_1=2.5, f_2=1.5).steady_force(0.1))
     1.0
     """
@@ -132,12 +119,8 @@ class BlimanSorine(Law):
 class BlimanSorineFirst(Law):
     """Bliman and Sorine's first-order law, epsilon dF/dl = f_1 sgn v - F: Dahl's with F_c = f_1, sigma0 = f_1/epsilon.
 
-    Examples
-    --------
     It is Dahl's law of stiffness f_1/epsilon:
 
-    >>> import sympy as sp
-    >>> from pwsmooth.laws.friction import BlimanSorineFirst
     >>> v = sp.Symbol("v", real=True)
     >>> BlimanSorineFirst(f_1=1.0, epsilon=1e-5).attach(velocity=v).rates
     {x_s: (f_1*v - x_s*Abs(v))/epsilon}

@@ -22,13 +22,8 @@ from .stribeck import stribeck
 class Elastoplastic(LuGre):
     """Dupont's elastoplastic law with z_max = z_ss(v), which holds at all speeds.
 
-    Examples
-    --------
     Below break-away nothing drifts; a force that comes and goes ten times leaves the body where it was:
 
-    >>> import sympy as sp
-    >>> from pwsmooth.laws.friction import Elastoplastic, LuGre
-    >>> from pwsmooth.scenes import force_driven, t
     >>> pulses = 0.6 * sp.sin(sp.pi * t) ** 2
     >>> ends = [force_driven(law, pulses, t_span=(0, 10)).solve()["x"][-1] for law in (Elastoplastic(), LuGre())]
     >>> print(", ".join(f"{1e6 * abs(end):.2f} um" for end in ends))
@@ -85,8 +80,6 @@ class Elastoplastic(LuGre):
         ----------
         steady : Expr
             z_ss(v), m.
-        p : namespace
-            The parameters' symbols.
 
         Returns
         -------
@@ -100,13 +93,8 @@ class Elastoplastic(LuGre):
 class ElastoplasticFixed(Elastoplastic):
     """Dupont's elastoplastic law with a constant z_max, for presliding: at speed z_ss falls below it.
 
-    Examples
-    --------
     Its elastic range ends at sigma0 z_ba = 1.3 N; below nothing drifts:
 
-    >>> import sympy as sp
-    >>> from pwsmooth.laws.friction import ElastoplasticFixed
-    >>> from pwsmooth.scenes import force_driven, t
     >>> pulses = 1.2 * sp.sin(sp.pi * t) ** 2
     >>> solution = force_driven(ElastoplasticFixed(), pulses, t_span=(0, 10)).solve()
     >>> print(f"{1e6 * abs(solution['x'][-1]):.2f} um")

@@ -25,11 +25,8 @@ class GMS(StribeckLaw):
 
     The defaults are the reference set of the multistate law (chosen), with C = F_c/tau_d.
 
-    Examples
-    --------
     A single element, and ten:
 
-    >>> from pwsmooth.laws.friction import GMS
     >>> GMS(kappa=1.0, share=1.0, sigma=0.0).elements, GMS().elements
     (1, 10)
     >>> [round(float(GMS().steady_force(v)), 6) for v in (1e-6, 8.0, 80.0)]

@@ -19,12 +19,8 @@ class LuGre(StribeckLaw):
 
     The defaults are the standard example's (for 1 kg).
 
-    Examples
-    --------
     Stick-slip of a 1 kg block on a slowly pulled spring:
 
-    >>> from pwsmooth.laws.friction import LuGre
-    >>> from pwsmooth.scenes import block_on_belt
     >>> solution = block_on_belt(LuGre(), t_span=(0, 30)).solve()
     >>> print(f"largest force of the spring {2 * solution['elongation'].max():.2f} N")
     largest force of the spring 1.51 N
@@ -53,8 +49,6 @@ class LuGre(StribeckLaw):
         ----------
         v : Expr
             Velocity.
-        p : namespace
-            The parameters' symbols.
 
         Returns
         -------
@@ -68,11 +62,8 @@ class LuGre(StribeckLaw):
 class LuGreFadingDamping(LuGre):
     """LuGre's law with sigma1(v) = sigma1 exp(-(v/v_d)^2), which keeps it passive.
 
-    Examples
-    --------
     The force at constant speed is that of LuGre's law:
 
-    >>> from pwsmooth.laws.friction import LuGre, LuGreFadingDamping
     >>> float(LuGreFadingDamping(v_d=1e-3).steady_force(0.1) - LuGre().steady_force(0.1))
     0.0
     """

@@ -53,9 +53,6 @@ class MaxwellSlip(Law):
 
     The defaults are the multistate reference set's with constant strength F_s = 2 N.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.friction import MaxwellSlip
     >>> law = MaxwellSlip(kappa=(2.0, 1.0), strength=(1.0, 1.5))
     >>> law.virgin_curve([0.0, 0.5, 1.0, 2.0]).tolist()
     [0.0, 1.5, 2.0, 2.5]
@@ -89,9 +86,6 @@ class MaxwellSlip(Law):
         ValueError
             Displacements that do not increase; a polygon that is not concave.
 
-        Examples
-        --------
-        >>> from pwsmooth.laws.friction import MaxwellSlip
         >>> MaxwellSlip.from_virgin_curve([0.5, 1.5], [1.5, 2.5])
         MaxwellSlip(kappa=(2.0, 1.0), strength=(1.0, 1.5))
         """
@@ -175,11 +169,6 @@ class MaxwellSlip(Law):
 class Masing(Law):
     """A spring beside one spring-slider: f = k x + k_0 w, with k_0 w kept in [-alpha, alpha].
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.laws.friction import Masing
-    >>> from pwsmooth.scenes import prescribed_motion, t
     >>> law = Masing(k=1e4, k_0=1e5, alpha=1.0)
     >>> rig = prescribed_motion(law, position=3e-5 * sp.sin(t), t_span=(0, 7))
     >>> print(f"{rig.solve()['force'].max():.6f}")

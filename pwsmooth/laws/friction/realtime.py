@@ -54,15 +54,9 @@ class RealTime:
     stable : str
         For which steps the update is stable.
 
-    Notes
-    -----
     Source: derived here, backward Euler in closed form; the projection in it is the theorem Sgn -> sat of Kikuuwe and
     Xiong (inclusions.py).
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.friction import Coulomb
-    >>> from pwsmooth.laws.friction.realtime import real_time
     >>> block = real_time(Coulomb(F_c=1.0))
     >>> round(block.move(v=0.5, u=0.0, m=1.0, h=0.1), 9), block.move(v=0.05, u=0.0, m=1.0, h=0.1)
     (0.4, 0.0)
@@ -82,8 +76,6 @@ class RealTime:
         ----------
         v : float, m/s
             Velocity during the step.
-        h : float, s
-            Length of the step.
 
         Returns
         -------
@@ -97,14 +89,10 @@ class RealTime:
 
         Parameters
         ----------
-        v : float, m/s
-            Velocity at the start.
         u : float, N
             Force besides friction.
         m : float, kg
             Mass.
-        h : float, s
-            Length of the step.
 
         Returns
         -------
@@ -147,8 +135,6 @@ def real_time(law: Law, v: float = 0.0) -> RealTime:
     ----------
     law : Law
         Coulomb, StribeckFriction, Dahl (exponent 1), LuGre, XKY, MultistateXKY or MaxwellSlip.
-    v : float, m/s
-        Velocity at the start.
 
     Returns
     -------
@@ -160,15 +146,9 @@ def real_time(law: Law, v: float = 0.0) -> RealTime:
     ValueError
         The law has no update without iteration.
 
-    Notes
-    -----
     Source: derived here, backward Euler in closed form; the projection in it is the theorem Sgn -> sat of Kikuuwe and
     Xiong (inclusions.py).
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.friction import XKY
-    >>> from pwsmooth.laws.friction.realtime import real_time
     >>> block = real_time(XKY())
     >>> v = 0.1
     >>> for _ in range(1000):  # a 1 kg block slides to rest in steps of 1 ms

@@ -21,10 +21,6 @@ class RollingResistance(Law):
     Its velocity is the angular one and its force a moment; with a normal load M_c is the lever arm, in m. It holds a
     wheel of radius r on a slope up to tan(slope) = M_c/r.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.laws.friction import RollingResistance
     >>> omega = sp.symbols("omega_x omega_y", real=True)
     >>> RollingResistance().attach(velocity=omega).force
     (lam_x*M_c + c*omega_x, lam_y*M_c + c*omega_y)
@@ -47,9 +43,6 @@ class RollingResistance(Law):
 class TorsionalResistance(Law):
     """The moment of Coulomb friction against a pure spin of a contact; its velocity is that of the spin.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.friction import TorsionalResistance
     >>> law = TorsionalResistance(F_c=3.0, R=0.5, pressure="Hertz")
     >>> print(f"{float(law.steady_force(1.0)):.6f}")
     0.883573

@@ -123,13 +123,8 @@ class Contensou(SpinningLaw):
     right, as a glass on a table does. A curling stone, which melts the ice where it presses, rubs less in front, and
     bends to the left.
 
-    Examples
-    --------
     A disc (of mass 1, F_c = R = 1) that slides and spins stops both at once:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
-    >>> from pwsmooth.laws.friction import Contensou
     >>> v_x, v_y, spin = sp.symbols("v_x v_y spin", real=True)
     >>> contact = Contensou(F_c=1.0, R=1.0).attach(velocity=(v_x, v_y, spin))
     >>> F_x, F_y, M = contact.force
@@ -193,9 +188,6 @@ class LimitEllipsoid(SpinningLaw):
     --------
     The disc of `Contensou`: at the end it spins only.
 
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
-    >>> from pwsmooth.laws.friction import LimitEllipsoid
     >>> v_x, v_y, spin = sp.symbols("v_x v_y spin", real=True)
     >>> contact = LimitEllipsoid(F_c=1.0, R=1.0).attach(velocity=(v_x, v_y, spin))
     >>> F_x, F_y, M = contact.force

@@ -17,12 +17,8 @@ class Wojewoda(Law):
 
     The defaults are chosen.
 
-    Examples
-    --------
     The force is larger while the body accelerates (a > 0) than while it slows down:
 
-    >>> import sympy as sp
-    >>> from pwsmooth.laws.friction import Wojewoda
     >>> v, a = sp.symbols("v a", real=True)
     >>> pieces = Wojewoda(f_c=1.0, f_s=1.5).attach(velocity=v, acceleration=a)
     >>> pieces.force

@@ -22,13 +22,8 @@ class XKY(StribeckLaw):
 
     The defaults are LuGre's standard ones.
 
-    Examples
-    --------
     Its force never exceeds the Stribeck curve, and it does not drift:
 
-    >>> import sympy as sp
-    >>> from pwsmooth.laws.friction import XKY
-    >>> from pwsmooth.scenes import prescribed_motion, t
     >>> rig = prescribed_motion(XKY(F_c=1.0, F_s=1.5, sigma2=0.0), velocity=1e-2 * sp.sin(t), t_span=(0, 7))
     >>> bool(rig.solve()["force"].max() <= 1.5)
     True
@@ -62,9 +57,6 @@ class MultistateXKY(StribeckLaw):
 
     Equations (4.13a-c) of Xiong's thesis; equations and defaults are reconstructed.
 
-    Examples
-    --------
-    >>> from pwsmooth.laws.friction import MultistateXKY
     >>> law = MultistateXKY(kappa=(1.0, 0.5), sigma=0.01, share=(0.6, 0.4))
     >>> law.elements
     2
