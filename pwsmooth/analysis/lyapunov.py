@@ -48,22 +48,14 @@ class LyapunovExponents(Described):
     errors : ndarray, shape (count,)
         Standard error of the mean over the parts of the run, in units of 1/time; it knows nothing of slower
         changes.
-    time : float, in the unit of the model's time
-        Length of the average.
     outcome : Outcome
         How the trajectory ended; after a failure the exponents are those of the part before it.
     degenerate : tuple of str
         Where the trajectory has no derivative (grazing, corners, ambiguities), in words: there deviations were carried
         on as if the instant did not move with them.
 
-    Notes
-    -----
     Source: Mueller, Chaos, Solitons & Fractals, 1995.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, lyapunov_exponents
     >>> x = sp.Symbol("x", real=True)
     >>> found = lyapunov_exponents(System({x: -2 * x}), {x: 1}, 10)
     >>> print(f"{found.exponents[0]:.6f} over {found.time:g}, {found.outcome.name}")
@@ -79,15 +71,10 @@ class LyapunovExponents(Described):
     def plot(self, ax: Any = None) -> Any:
         """The exponents in order, with their errors; those that are -inf as triangles at the lower edge.
 
-        Parameters
-        ----------
-        ax : Axes, optional
-            Where to draw; a new figure by default.
-
         Returns
         -------
         Axes
-            The same.
+            Where it was drawn.
         """
         from ..plotting import COLOUR, axes_for
 
@@ -217,15 +204,8 @@ def largest_exponent(solution: Solution, after: float | None = None) -> float:
     ValueError
         No dense output.
 
-    Notes
-    -----
     Source: Mueller, Chaos, Solitons & Fractals, 1995.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
-    >>> from pwsmooth.analysis.lyapunov import largest_exponent
     >>> x, y = sp.symbols("x y", real=True)
     >>> run = solve(System({x: -x / 2, y: -3 * y}), (0, 20), {x: 1, y: 1}, dense_output=True)
     >>> round(largest_exponent(run), 6)
@@ -269,8 +249,6 @@ def lyapunov_exponents(
         Event-driven or smoothed.
     x0 : mapping or sequence of float, length n
         Start, in the units of the states.
-    time : float, in the unit of the model's time
-        Length of the average.
     transient : float, in the unit of the model's time
         Time before it, in which the trajectory settles and the deviations find their directions.
     start_time : float, in the unit of the model's time
@@ -296,10 +274,6 @@ def lyapunov_exponents(
 
     Source: Mueller, Chaos, Solitons & Fractals, 1995.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, lyapunov_exponents
     >>> t, x, v = sp.symbols("t x v", real=True)
     >>> damped = System({x: v, v: sp.cos(t) - x - v / 5}, time=t)
     >>> found = lyapunov_exponents(damped, {x: 0, v: 0}, 200, transient=20, count=2)

@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ...door import checks
+from ...door.documenting import complete
 from ..orbits.finding import refined_to
 from ..orbits.itineraries import JUMP, Change, change_between, same_itinerary
 from ..orbits.periodic_orbit import PeriodicOrbit
@@ -39,6 +40,7 @@ _NEAR = 0.1  # to the unit circle: a multiplier that may be 1 or -1 but for roun
 _APART = (1e-6, 1e-8, 1e-10)
 
 
+@complete
 @dataclass(frozen=True)
 class Bifurcation:
     """A point of a branch at which the orbit's stability or itinerary changes.
@@ -61,17 +63,11 @@ class Bifurcation:
     beyond : PeriodicOrbit or None
         The orbit on the other side of a change of itinerary.
 
-    Notes
-    -----
     Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the smooth ones; di Bernardo, Budd, Champneys,
     Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for the others.
 
-    Examples
-    --------
     The logistic map's first period doubling, at 3:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, find_orbit, follow
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> logistic = System({x: 0 * x}, time=t, parameters={a: 2.8}, events=[Event(every=1, update={x: a * x * (1 - x)})])
     >>> orbit = find_orbit(logistic, {x: 0.6}, period=1, phase=0.5)
@@ -126,15 +122,9 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
 
     Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the test functions.
 
-    Examples
-    --------
     `follow` asks it after every step:
 
-    >>> import numpy as np
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, find_orbit
     >>> from pwsmooth.analysis.continuation.arclength import Walk
-    >>> from pwsmooth.analysis.continuation import bifurcations_between
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> logistic = System({x: 0 * x}, time=t, parameters={a: 2.8}, events=[Event(every=1, update={x: a * x * (1 - x)})])
     >>> orbit = find_orbit(logistic, {x: 0.6}, period=1, phase=0.5)

@@ -56,10 +56,6 @@ class Branch(_Along):
     places : list of int
         Of each bifurcation how many of the orbits come before it.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, find_orbit, follow
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> system = System({x: a * sp.cos(t) - x}, time=t, parameters={a: 1})
     >>> branch = follow(find_orbit(system, {x: 0}, period=2 * sp.pi), a, to=2)
@@ -169,10 +165,6 @@ def follow(
     Source: Keller's arclength continuation (1977); changes of itinerary as in di Bernardo, Budd,
     Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, find_orbit, follow
     >>> t, x, v = sp.symbols("t x v", real=True)
     >>> F = sp.Symbol("F", positive=True)
     >>> dry = System({x: v, v: sp.sin(2*t) - x - F*sp.sign(v)}, time=t, parameters={F: 0.3})
@@ -395,11 +387,6 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
 
     Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the eigenvector as predictor.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, find_orbit, follow
-    >>> from pwsmooth.analysis.continuation import branch_off
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> logistic = System({x: 0 * x}, time=t, parameters={a: 2.8}, events=[Event(every=1, update={x: a * x * (1 - x)})])
     >>> orbit = find_orbit(logistic, {x: 0.6}, period=1, phase=0.5)

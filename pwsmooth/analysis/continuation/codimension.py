@@ -51,15 +51,9 @@ class Codimension2:
     leads : tuple of Lead
         The other curves that begin or pass there, for `follow_curve`.
 
-    Notes
-    -----
     Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the smooth ones; di Bernardo, Budd, Champneys,
     Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for the others.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, find_orbit, follow, follow_curve
     >>> t, x, a, b = sp.symbols("t x a b", real=True)
     >>> step = Event(every=1, update={x: a + b * x - x**3})
     >>> cubic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 1.8}, events=[step])

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ...door import checks
+from ...door.documenting import complete
 from ...paths.budget import MOST_STEPS, Budget, opened, within
 from ..equilibria.equilibrium import Equilibrium
 from ..maps.impacts import FromEvent
@@ -44,6 +45,7 @@ _AMPLITUDES = (0.02, -0.02, 0.06, -0.06, 0.2, -0.2)
 _ASIDE = 1e-4  # of the arc: so far along it is seen whether a curve begins
 
 
+@complete
 @dataclass(repr=False)
 class Curve(InPlane):
     """A curve of bifurcations in two parameters.
@@ -66,14 +68,8 @@ class Curve(InPlane):
     tests : dict of str to ndarray, each of shape (number of orbits,), dimensionless
         Functions along the curve that vanish at points of codimension 2, by their names.
 
-    Notes
-    -----
     Source: Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, 2000, for the test functions.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, find_orbit, follow, follow_curve
     >>> t, x, a, b = sp.symbols("t x a b", real=True)
     >>> step = Event(every=1, update={x: a - x**2 + b * x})
     >>> quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
@@ -162,17 +158,11 @@ def follow_curve(
     ValueError, TypeError
         A bifurcation of a kind that has no condition here, no two parameters, a start outside the ranges.
 
-    Notes
-    -----
     Source: Keller's arclength continuation (1977); Govaerts, Numerical Methods for Bifurcations of Dynamical
     Equilibria, 2000, for bordered test functions; Kuznetsov, Elements of Applied Bifurcation Theory, for the names.
 
-    Examples
-    --------
     The flip of the Henon map, 4 a = 3 (1 - b)**2:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, find_orbit, follow, follow_curve
     >>> t, x, y, a, b = sp.symbols("t x y a b", real=True)
     >>> step = Event(every=1, update={x: 1 - a * x**2 + y, y: b * x})
     >>> henon = System({x: 0 * x, y: 0 * y}, time=t, parameters={a: 0.1, b: 0.3}, events=[step])

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...door.describe import Described, Rows, listed, number, values
+from ...door.documenting import complete
 from .disc_modes import places
 from .stability import Linear, linear_at, signs
 from .statics import Sides, Statics
@@ -20,6 +21,7 @@ from .statics import Sides, Statics
 __all__ = ["Equilibrium"]
 
 
+@complete
 @dataclass(frozen=True, repr=False, eq=False)
 class Equilibrium(Described):
     """A point at which the system stands still, or the best that was found (`success` False, `message` why).
@@ -28,8 +30,6 @@ class Equilibrium(Described):
     ----------
     system : System
         With the parameter values of the equilibrium.
-    x : ndarray, shape (n,)
-        The point, in the units of the states.
     mult : ndarray, shape (m,)
         Multipliers there: those of switches dimensionless, reactions and unknowns in the units of the model.
     sides : tuple of int
@@ -44,17 +44,11 @@ class Equilibrium(Described):
     message : str
         In words, with what to try next.
 
-    Notes
-    -----
     Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for regular, pseudo-,
     virtual and boundary equilibria; Jeffrey, On the mathematical basis of solid friction, for the layer's stability.
 
-    Examples
-    --------
     A relay that pushes to both sides of x = 0, against a wind:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import System, find_equilibrium
     >>> x = sp.Symbol("x", real=True)
     >>> rest = find_equilibrium(System({x: 0.5 - sp.sign(x)}), {x: 1})
     >>> rest.kind, rest.multipliers, rest.stability

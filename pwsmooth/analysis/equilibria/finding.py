@@ -42,12 +42,8 @@ def equilibria(
 
     Parameters
     ----------
-    system : System
-        Autonomous: exact, layered or smoothed.
     box : mapping of state to (float, float)
         The lowest and the highest value of every state, in its unit.
-    sides : mapping of switch, disc or contact to {1, -1, 0}, optional
-        Only modes in which these are on that side (a disc slips: 1); 0: held on the surface, a closed contact.
     virtual : bool
         Whether virtual ones are given too: of a field beyond its surface, of lambda beyond [-1, 1], of a reaction < 0.
     starts : int
@@ -70,13 +66,8 @@ def equilibria(
     Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for the kinds; Jeffrey,
     On the mathematical basis of solid friction, for several lambda on one surface.
 
-    Examples
-    --------
     Static friction as a hidden term holds a block under a force in three ways, one of which repels:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import Switch, System
-    >>> from pwsmooth.analysis.equilibria import equilibria
     >>> v = sp.Symbol("v", real=True)
     >>> lam = Switch("lam", v)
     >>> pulled = System({v: 1.2 - lam * (1 + 3 * (1 - lam**2))})
@@ -196,12 +187,8 @@ def find_equilibrium(system: Any, x0: Any, *, sides: Any = None, virtual: bool =
 
     Parameters
     ----------
-    system : System
-        Autonomous: exact, layered or smoothed.
     x0 : mapping or sequence of float, length n
         First guess, in the units of the states; a mapping may name multipliers too, to choose between several lambda.
-    sides : mapping of switch, disc or contact to {1, -1, 0}, optional
-        Only modes in which these are on that side (a disc slips: 1); 0: held on the surface, a closed contact.
     virtual : bool
         Whether a virtual one will do where no admissible one is found.
 
@@ -223,12 +210,8 @@ def find_equilibrium(system: Any, x0: Any, *, sides: Any = None, virtual: bool =
 
     Source: Filippov, Differential Equations with Discontinuous Righthand Sides, 1988, for pseudo-equilibria.
 
-    Examples
-    --------
     A ball on a floor, which carries it:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import System, Unilateral, find_equilibrium
     >>> y, v = sp.symbols("y v", real=True)
     >>> floor = Unilateral(y, restitution=0.5, name="R")
     >>> rest = find_equilibrium(System({y: v, v: -9.81 + floor.reaction}), {y: 1, v: 0})

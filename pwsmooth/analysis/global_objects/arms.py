@@ -18,6 +18,8 @@ from typing import Any
 
 import numpy as np
 
+from ...door.documenting import complete
+
 __all__ = ["Arm", "Meeting"]
 
 SMALLEST = 1e-3  # of the spacing: how near points come at a corner
@@ -57,6 +59,7 @@ class Rules:
         return int(np.argmax(beyond)) + 3 if beyond.any() else len(beyond)
 
 
+@complete
 @dataclass(frozen=True)
 class Meeting:
     """Where a manifold meets a surface, or the events on the way to it change.
@@ -65,15 +68,9 @@ class Meeting:
     ----------
     arclength : float, in the units of the states
         From the saddle.
-    x : ndarray, shape (n,)
-        The point, in the units of the states.
     what : str
         In words.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth.analysis.global_objects import Meeting
     >>> print(Meeting(0.25, np.array([1.0, 0.0]), "crossing [sgn(x)] (-1 to +1)"))
     crossing [sgn(x)] (-1 to +1), after 0.25
     """
@@ -86,6 +83,7 @@ class Meeting:
         return f"{self.what}, after {self.arclength:.6g}"
 
 
+@complete
 @dataclass(frozen=True)
 class Arm:
     """One of the curves that a manifold consists of, from the saddle outwards.
@@ -101,10 +99,6 @@ class Arm:
     end : str
         Why it ends, in words.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth.analysis.global_objects import Arm
     >>> Arm(np.array([[0.0, 3.0], [0.0, 4.0]]), np.array([0.0, 5.0]), (), "reached the length 5.").length
     5.0
     """

@@ -52,16 +52,10 @@ class Manifold(Described):
     arms : tuple of Arm
         The curves that it consists of, from the saddle outwards.
 
-    Notes
-    -----
     Source: Krauskopf and Osinga, J. Comput. Phys. 146 (1998) 404-419, for one-dimensional manifolds of maps.
 
-    Examples
-    --------
     Of a saddle beyond which the field is another one; its unstable curve is y = 0, its stable one x = 0:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import System, find_equilibrium, manifold
     >>> x, y = sp.symbols("x y", real=True)
     >>> bent = System({x: x, y: -y + sp.Heaviside(x - 1) * (x - 1)})
     >>> out = manifold(find_equilibrium(bent, {x: 0, y: 0}), "unstable", length=3)
@@ -165,8 +159,6 @@ class Manifold(Described):
 
         Parameters
         ----------
-        ax : Axes, optional
-            Where to draw; a new figure by default.
         x, y : str or Symbol, optional
             The states, by default the first two.
         **line
@@ -175,7 +167,7 @@ class Manifold(Described):
         Returns
         -------
         Axes
-            The same.
+            Where it was drawn.
         """
         from ...plotting import COLOUR, axes_for
 
@@ -267,12 +259,8 @@ def manifold(
 
     Source: B. Krauskopf, H. Osinga, J. Comput. Phys. 146 (1998) 404-419, for spacing and angles.
 
-    Examples
-    --------
     The unstable curve of the saddle 0 of (x, y) -> (2 x, y/2 + x^2) is y = 2/7 x^2:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, find_orbit, manifold
     >>> t, x, y = sp.symbols("t x y", real=True)
     >>> square = Event(every=1, update={x: 2 * x, y: y / 2 + x**2})
     >>> saddle = find_orbit(System({x: 0 * x, y: 0 * y}, time=t, events=[square]), {x: 0, y: 0}, period=1)

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...door import checks
 from ...door.describe import Described, Rows
+from ...door.documenting import complete
 
 if TYPE_CHECKING:
     import xarray
@@ -30,6 +31,7 @@ REGIONS = (
 )
 
 
+@complete
 @dataclass(frozen=True)
 class FoldLine:
     """A line on which the field of one side is tangent to the surface.
@@ -43,10 +45,6 @@ class FoldLine:
     visible : ndarray of bool, shape (N,)
         Whether the field leads away from the surface there; dimensionless.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth.analysis.global_objects import FoldLine
     >>> FoldLine(1, np.zeros((2, 3)), np.array([True, True, False])).visible.sum()
     np.int64(2)
     """
@@ -56,6 +54,7 @@ class FoldLine:
     visible: np.ndarray
 
 
+@complete
 @dataclass(frozen=True)
 class TwoFold:
     """A point at which the folds of both sides meet.
@@ -67,10 +66,6 @@ class TwoFold:
     kind : str
         "visible-visible", "visible-invisible" or "invisible-invisible".
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth.analysis.global_objects import TwoFold
     >>> TwoFold(np.zeros(2), "invisible-invisible").kind
     'invisible-invisible'
     """
@@ -112,12 +107,8 @@ class SlidingPortrait(Described):
     equilibria : tuple of Equilibrium
         Pseudo-equilibria, of an autonomous system.
 
-    Examples
-    --------
     Friction that is stronger at rest holds a block at forces up to 16/9, and captures it at forces up to 1:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import Switch, System, sliding_portrait
     >>> t, y, v = sp.symbols("t y v", real=True)
     >>> lam = Switch("lam", v)
     >>> block = System({y: v, v: sp.sin(t) - 3 * y - lam * (1 + 3 * (1 - lam**2))}, time=t)
@@ -172,15 +163,10 @@ class SlidingPortrait(Described):
         Visible folds are solid and invisible ones dashed, in the colour of their side; hidden folds are dotted; flows
         that repel are thin.
 
-        Parameters
-        ----------
-        ax : Axes, optional
-            Where to draw; a new figure by default.
-
         Returns
         -------
         Axes
-            The same.
+            Where it was drawn.
         """
         from matplotlib.colors import ListedColormap
 

@@ -77,8 +77,6 @@ def sliding_portrait(
     --------
     A two-fold: above the surface z = 0 the fold is y = 0, below it is x = 0.
 
-    >>> import sympy as sp
-    >>> from pwsmooth import Switch, System, sliding_portrait
     >>> x, y, z = sp.symbols("x y z", real=True)
     >>> lam = Switch("lam", z)
     >>> up, down = (1 + lam) / 2, (1 - lam) / 2

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...door import calls, checks
+from ...door.documenting import complete
 from ...paths.budget import whole
 from ...results.records import Outcome
 from ...results.solution import Solution
@@ -28,6 +29,7 @@ RETURN = "pws_return"  # name of the event that ends a return map's run
 _COUNTS = {"count": checks.integer(1, 10**7), "discard": checks.integer(0, 10**9)}
 
 
+@complete
 @dataclass(frozen=True)
 class Image:
     """A point's image under a Poincare map, with its derivatives if they were asked for.
@@ -49,13 +51,6 @@ class Image:
     reason : str
         Why there is no image, in words; empty if there is one.
 
-    Examples
-    --------
-    >>> import math
-    >>> import numpy as np
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.analysis.maps import Stroboscopic
     >>> t, x = sp.symbols("t x", real=True)
     >>> image = Stroboscopic(System({x: sp.cos(t) - x}, time=t), 2 * sp.pi).image(np.array([0.5]), [])
     >>> print(f"{image.jacobian[0, 0]:.9f} {math.exp(-2 * math.pi):.9f}")
@@ -196,8 +191,6 @@ class _Map:
 
         Parameters
         ----------
-        x : ndarray, shape (n,)
-            The point, in the units of the states.
         time : float, in the unit of the model's time
             How long.
         **options
@@ -273,11 +266,6 @@ def word_of(solution: Solution) -> Word:
     tuple of (str, str, str)
         (switch, kind, from and to) of each event.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
-    >>> from pwsmooth.analysis.maps import word_of
     >>> x = sp.Symbol("x", real=True)
     >>> word_of(solve(System({x: 1 + sp.Heaviside(x - 1)}), (0, 2), {x: 0}))
     (('sgn(x - 1)', 'crossing', '-1 to +1'),)

@@ -61,16 +61,9 @@ class Stroboscopic(_Map):
     ValueError, TypeError
         A period that is not positive; a symmetry that the system does not have; no System.
 
-    Notes
-    -----
     Source: the stroboscopic map of Poincare; the half-period map as in Swift, Wiesenfeld, Phys. Rev. Lett. 52
     (1984) 705-708.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.analysis.maps import Stroboscopic
     >>> x, t = sp.symbols("x t", real=True)
     >>> P = Stroboscopic(System({x: sp.cos(t) - x}, time=t), 2 * sp.pi)
     >>> round(float(P({x: 0.5})[0]), 9)  # x = (cos t + sin t)/2 is the periodic orbit
@@ -123,8 +116,6 @@ class Stroboscopic(_Map):
 
         Parameters
         ----------
-        x : ndarray, shape (n,)
-            The point, in the units of the states.
         time : float, in the unit of the model's time
             End.
         system : System
@@ -254,17 +245,10 @@ class Section(_Map):
     ValueError
         A surface of time, or of what is no state or parameter; a system that depends on time.
 
-    Notes
-    -----
     Source: the first return map of Poincare; D P = (1 - f grad h/(grad h f)) Phi.
 
-    Examples
-    --------
     Van der Pol's oscillator returns to v = 0 at its amplitude:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.analysis.maps import Section
     >>> x, v = sp.symbols("x v", real=True)
     >>> pol = System({x: v, v: (1 - x**2) * v - x})
     >>> P = Section(pol, surface=v, direction=-1)
@@ -393,11 +377,6 @@ class Section(_Map):
 
     def gradient(self, x: np.ndarray) -> np.ndarray:
         """Gradient of h at a point.
-
-        Parameters
-        ----------
-        x : ndarray, shape (n,)
-            The point, in the units of the states.
 
         Returns
         -------

@@ -46,12 +46,6 @@ def symmetry_matrix(system: Any, symmetry: Mapping[Any, Any], period: float) -> 
     -----
     The field is compared at random points off the surfaces.
 
-    Examples
-    --------
-    >>> import math
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.analysis.maps import symmetry_matrix
     >>> t, x, v = sp.symbols("t x v", real=True)
     >>> driven = System({x: v, v: sp.cos(t) - x - sp.sign(v) / 4}, time=t)
     >>> symmetry_matrix(driven, {x: -x, v: -v}, 2 * math.pi).tolist()

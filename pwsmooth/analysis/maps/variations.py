@@ -18,6 +18,7 @@ import numpy as np
 import sympy as sp
 
 from ...door import checks
+from ...door.documenting import complete
 from ...paths.derivatives.collocation import Collocation
 from ...paths.derivatives.linearised import linearise, rates
 from ...paths.derivatives.saltation import CHATTER, Saltation, saltations
@@ -27,6 +28,7 @@ from ...results.solution import Solution
 __all__ = ["Variations", "variations"]
 
 
+@complete
 @dataclass(frozen=True)
 class Variations:
     """How a solution moves with its start and with parameters.
@@ -44,16 +46,9 @@ class Variations:
     chosen : tuple of Symbol
         The parameters.
 
-    Notes
-    -----
     Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008;
     collocation as in Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.7.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
-    >>> from pwsmooth.analysis.maps import variations
     >>> x, k = sp.symbols("x k", positive=True)
     >>> run = solve(System({x: -k * x}, parameters={k: 1}), (0, 1), {x: 2}, dense_output=True)
     >>> moved = variations(run, [k])
@@ -114,11 +109,6 @@ def variations(solution: Solution, parameters: Sequence[Any] = ()) -> Variations
     Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008;
     collocation as in Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.7.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
-    >>> from pwsmooth.analysis.maps import variations
     >>> x = sp.Symbol("x", real=True)
     >>> run = solve(System({x: -x}), (0, 1), {x: 1}, dense_output=True)
     >>> round(float(variations(run).matrix[0, 0]), 12) == round(float(sp.exp(-1)), 12)

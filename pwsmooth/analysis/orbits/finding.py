@@ -66,8 +66,6 @@ def find_orbit(
         Of the forcing; or
     section : Expr
         A surface, function of states, for an autonomous system.
-    direction : {1, -1}
-        The section is crossed with its function rising or falling.
     count : int, optional
         Forcing periods (returns) of the orbit; found from the transient if not given, 1 without a transient.
     phase : float, dimensionless
@@ -103,12 +101,8 @@ def find_orbit(
     Source: U. Ascher, R. Mattheij, R. Russell, Numerical Solution of Boundary Value Problems for ODEs (1995), ch. 4,
     for segments.
 
-    Examples
-    --------
     Den Hartog's oscillator, forced and with Coulomb friction:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import System, find_orbit
     >>> t, x, v = sp.symbols("t x v", real=True)
     >>> dry = System({x: v, v: sp.sin(sp.Rational(2, 3)*t) - x - sp.sign(v)/4}, time=t)
     >>> orbit = find_orbit(dry, {x: 1, v: 0.5}, period=3*sp.pi, symmetry={x: -x, v: -v})
@@ -165,12 +159,6 @@ def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
     PeriodicOrbit
         With `success` False and a `message` where it did not converge.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.analysis.orbits import refine
-    >>> from pwsmooth.analysis.maps import Stroboscopic
     >>> t, x = sp.symbols("t x", real=True)
     >>> orbit = refine(Stroboscopic(System({x: sp.cos(t) - x}, time=t), 2 * sp.pi), {x: 3})
     >>> orbit.success, round(float(orbit.x[0]), 9)

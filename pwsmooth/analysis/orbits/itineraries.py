@@ -23,6 +23,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...door import checks
+from ...door.documenting import complete
 from ..maps.poincare import after_start
 from .periodic_orbit import PeriodicOrbit
 
@@ -55,6 +56,7 @@ class Letter:
         return f"{self.kind}{sides} [{self.switch}]"
 
 
+@complete
 @dataclass(frozen=True)
 class Change:
     """How two itineraries differ: the name of the bifurcation, and the events of either side.
@@ -69,14 +71,9 @@ class Change:
     time : float, dimensionless
         Where they are, as a part of the period.
 
-    Notes
-    -----
     Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for the
     sliding bifurcations.
 
-    Examples
-    --------
-    >>> from pwsmooth.analysis.orbits import Change
     >>> from pwsmooth.analysis.orbits.itineraries import Letter
     >>> print(Change("grazing impact", (), (Letter(0.25, "R", "impact", 0, 0),), 0.25))
     grazing impact: nothing -> impact [R], at 0.2500 of the period
@@ -146,11 +143,6 @@ def same_itinerary(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
     bool
         Where their period begins does not matter.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, find_orbit
-    >>> from pwsmooth.analysis.orbits import same_itinerary
     >>> t, x, v = sp.symbols("t x v", real=True)
     >>> F = sp.Symbol("F", positive=True)
     >>> dry = System({x: v, v: sp.sin(2 * t) - x - F * sp.sign(v)}, time=t, parameters={F: 0.3})
@@ -180,16 +172,9 @@ def change_between(one: PeriodicOrbit, other: PeriodicOrbit) -> Change:
     Change
         Its name and its events; "jump of the orbit" where they lie far apart.
 
-    Notes
-    -----
     Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for the
     sliding bifurcations.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, find_orbit, follow
-    >>> from pwsmooth.analysis.orbits import change_between
     >>> t, x, v = sp.symbols("t x v", real=True)
     >>> F = sp.Symbol("F", positive=True)
     >>> dry = System({x: v, v: sp.sin(2 * t) - x - F * sp.sign(v)}, time=t, parameters={F: 0.3})

@@ -62,13 +62,8 @@ class PeriodicOrbit(Described):
     segments : Segments or None
         How it was shot over, where deviations grow too much for one piece.
 
-    Examples
-    --------
     The orbit of dx/dt = cos t - x has the multiplier exp(-2 pi):
 
-    >>> import math
-    >>> import sympy as sp
-    >>> from pwsmooth import System, find_orbit
     >>> t, x = sp.symbols("t x", real=True)
     >>> orbit = find_orbit(System({x: sp.cos(t) - x}, time=t), {x: 0}, period=2 * sp.pi)
     >>> print(f"{orbit.start['x']:.9f} {orbit.multipliers[0].real:.9f} {math.exp(-2 * math.pi):.9f}")
@@ -216,8 +211,6 @@ class PeriodicOrbit(Described):
         ----------
         periods : int
             How many.
-        **options
-            For `solve`.
 
         Returns
         -------

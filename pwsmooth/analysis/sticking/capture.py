@@ -80,8 +80,6 @@ def capture_threshold(rho: float, ratio: float, *, sigmoid: str | sp.Expr = "alg
         Strength of the hidden (static-friction) term, >= 0.
     ratio : float, dimensionless
         eps/beta, the layer's speed relative to the relaxation of z; 0 and inf are allowed.
-    sigmoid : {"algebraic", "tanh", "erf"} or Expr
-        Shape L(u) of the layer; an expression is one in u.
 
     Returns
     -------
@@ -101,9 +99,6 @@ def capture_threshold(rho: float, ratio: float, *, sigmoid: str | sp.Expr = "alg
     Source: the layer system is that of Jeffrey, On the mathematical basis of solid friction; the threshold is
     computed here.
 
-    Examples
-    --------
-    >>> from pwsmooth.analysis.sticking import capture_threshold
     >>> round(capture_threshold(3, 0.1), 6)
     1.456936
     """
@@ -139,8 +134,6 @@ def critical_ratio(rho: float, *, sigmoid: str | sp.Expr = "algebraic") -> float
     ----------
     rho : float, dimensionless
         Strength of the hidden term, > 1/2.
-    sigmoid : {"algebraic", "tanh", "erf"} or Expr
-        Shape L(u) of the layer; an expression is one in u.
 
     Returns
     -------
@@ -152,13 +145,8 @@ def critical_ratio(rho: float, *, sigmoid: str | sp.Expr = "algebraic") -> float
     ValueError
         `rho` <= 1/2 (no fold, the threshold is 1 at every ratio), nan or infinite, or an unknown `sigmoid`.
 
-    Notes
-    -----
     Source: computed here, from the strong stable manifold of the merged equilibria at F = mu_s.
 
-    Examples
-    --------
-    >>> from pwsmooth.analysis.sticking import critical_ratio
     >>> round(critical_ratio(3), 4)
     0.6453
     """

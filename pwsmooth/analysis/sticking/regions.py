@@ -16,6 +16,7 @@ from mpmath.libmp import NoConvergence
 
 from ...definition.lambdified import numpy_function
 from ...door import checks
+from ...door.documenting import complete
 from .capture import capture_threshold, critical_ratio
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
 ]
 
 
+@complete
 @dataclass(frozen=True)
 class Fold:
     """The fold at which the attracting branch of sticking through lam = 0 ends.
@@ -42,14 +44,8 @@ class Fold:
     inside : sympy Boolean
         Whether the fold lies in 0 < lam < 1.
 
-    Notes
-    -----
     Source: Jeffrey, On the mathematical basis of solid friction, eqs 16 and 17.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.analysis.sticking import fold
     >>> lam = sp.Symbol("lam")
     >>> weak = fold(1 - lam**2, lam, sp.Rational(1, 4))  # too weak a hidden term for a fold inside
     >>> weak.mu_s, weak.inside
@@ -68,23 +64,11 @@ class StickingRegion:
 
     Parameters
     ----------
-    drive : Expr
-        Base acceleration q''(t) times the mass, N.
-    stiffness : Expr
-        Spring k, N/m.
-    load : Expr
-        Normal load N, N.
     coefficient : Expr
         mu, dimensionless: 1 for the linear region, mu_s for the nonlinear one.
 
-    Notes
-    -----
     Source: Jeffrey, On the mathematical basis of solid friction, eqs 18 and 19.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.analysis.sticking import StickingRegion
     >>> StickingRegion(sp.Integer(0), sp.Integer(2), sp.Integer(1), sp.Integer(1)).bounds
     (-1/2, 1/2)
     """
@@ -124,28 +108,13 @@ class StickingRegion:
 def linear_sticking(drive: sp.Expr, stiffness: sp.Expr, load: sp.Expr) -> StickingRegion:
     """Filippov's sliding region, all there is without a hidden term.
 
-    Parameters
-    ----------
-    drive : Expr
-        Base acceleration q''(t) times the mass, N.
-    stiffness : Expr
-        Spring k, N/m.
-    load : Expr
-        Normal load N, N.
-
     Returns
     -------
     StickingRegion
         With mu = 1.
 
-    Notes
-    -----
     Source: Jeffrey, On the mathematical basis of solid friction, eq. 18.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.analysis.sticking import linear_sticking
     >>> t = sp.Symbol("t", real=True)
     >>> linear_sticking(-2 * sp.sin(t), 4, 1).bounds
     (-sin(t)/2 - 1/4, 1/4 - sin(t)/2)
@@ -161,16 +130,8 @@ def nonlinear_sticking(
 
     Parameters
     ----------
-    drive : Expr
-        Base acceleration q''(t) times the mass, N.
-    stiffness : Expr
-        Spring k, N/m.
-    load : Expr
-        Normal load N, N.
     gamma : Expr
         Hidden term, even in `lam`, 0 at lam = 1; dimensionless.
-    lam : Symbol
-        The multiplier.
     rho : Expr
         Strength of the hidden term, dimensionless.
 
@@ -184,14 +145,8 @@ def nonlinear_sticking(
     ValueError
         As `fold`.
 
-    Notes
-    -----
     Source: Jeffrey, On the mathematical basis of solid friction, eq. 19.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.analysis.sticking import nonlinear_sticking
     >>> lam = sp.Symbol("lam")
     >>> nonlinear_sticking(0, 1, 1, 1 - lam**2, lam, 3).bounds
     (-16/9, 16/9)
@@ -207,8 +162,6 @@ def fold(gamma: sp.Expr, lam: sp.Symbol, rho: sp.Expr) -> Fold:
     ----------
     gamma : Expr
         Even in `lam`, with gamma(1) = 0; dimensionless.
-    lam : Symbol
-        The multiplier.
     rho : Expr
         Strength of the hidden term, dimensionless; a symbol is taken as positive.
 
@@ -224,15 +177,9 @@ def fold(gamma: sp.Expr, lam: sp.Symbol, rho: sp.Expr) -> Fold:
         `gamma` does not vanish at lam = 1 or is not even; or symbols are left where there is no closed form or
         where several folds compete.
 
-    Notes
-    -----
     Source: Jeffrey, On the mathematical basis of solid friction, eqs 16 and 17; the printed mu_s = -rho dgamma/dv
     lam_s**2 means dgamma/dlam.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.analysis.sticking import fold
     >>> lam, rho = sp.Symbol("lam"), sp.Symbol("rho", positive=True)
     >>> fold(1 - lam**2, lam, 3).mu_s
     16/9

@@ -12,12 +12,14 @@ from typing import Any
 import numpy as np
 
 from ....door import checks
+from ....door.documenting import complete
 from ...equilibria.equilibrium import Equilibrium
 from ..branch import _Along
 
 __all__ = ["EquilibriumBifurcation", "EquilibriumBranch"]
 
 
+@complete
 @dataclass(frozen=True)
 class EquilibriumBifurcation:
     """A point of a branch of equilibria at which their number, stability or mode changes.
@@ -52,15 +54,9 @@ class EquilibriumBifurcation:
         the surface; "" where none is. None where that is not decided: it is for two states and one switch without
         hidden terms.
 
-    Notes
-    -----
     Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008; Kuznetsov, Elements of
     Applied Bifurcation Theory, for fold and Hopf points.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, find_equilibrium, follow
     >>> x, a = sp.symbols("x a", real=True)
     >>> branch = follow(find_equilibrium(System({x: a - x**2}, parameters={a: 1}), {x: 1}), a, to=-1)
     >>> print(branch.bifurcations[0].kind, f"{abs(branch.bifurcations[0].parameter):.9f}")
@@ -112,15 +108,9 @@ class EquilibriumBranch(_Along):
     end : str
         Why it ended, in words.
 
-    Notes
-    -----
     Source: Keller's arclength continuation (1977); di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical
     Systems, 2008, for what happens at surfaces.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, find_equilibrium, follow
     >>> x, a = sp.symbols("x a", real=True)
     >>> relay = System({x: a - sp.sign(x) - x}, parameters={a: 0})
     >>> branch = follow(find_equilibrium(relay, {x: 0.3}), a, to=2)

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from ....door.documenting import complete
 from ...equilibria.equilibrium import Equilibrium
 from ..codimension import Codimension2
 from ..plane import InPlane
@@ -31,6 +32,7 @@ __all__ = ["EquilibriumCurve"]
 FOLLOWED = ("fold", *HOPF, *LAYER, BOUNDARY)
 
 
+@complete
 @dataclass(repr=False)
 class EquilibriumCurve(InPlane):
     """A curve of bifurcations of equilibria in two parameters.
@@ -53,14 +55,8 @@ class EquilibriumCurve(InPlane):
     tests : dict of str to ndarray, each of shape (number of points,), dimensionless
         Functions along the curve that vanish at points of codimension 2, by their names.
 
-    Notes
-    -----
     Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the names.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, find_equilibrium, follow, follow_curve
     >>> x, a, b = sp.symbols("x a b", real=True)
     >>> cubic = System({x: a + b * x - x**3}, parameters={a: 1, b: 1})
     >>> (fold, _) = follow(find_equilibrium(cubic, {x: 1.3}), a, to=-1, step=0.1).bifurcations

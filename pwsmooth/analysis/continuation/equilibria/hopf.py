@@ -50,10 +50,6 @@ def cycle_from(
         Of the orbit, along the critical eigenvector of length 1; the parameter follows from it.
     section : Expr, optional
         A surface through the equilibrium that the orbit crosses; by default a plane.
-    direction : {1, -1}
-        The section is crossed with its function rising or falling.
-    **options
-        For `solve`.
 
     Returns
     -------
@@ -65,15 +61,8 @@ def cycle_from(
     ValueError, TypeError
         Another kind of bifurcation; a section that the system cannot return to.
 
-    Notes
-    -----
     Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the predictor.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, find_equilibrium, follow
-    >>> from pwsmooth.analysis.continuation import cycle_from
     >>> x, y, a = sp.symbols("x y a", real=True)
     >>> r2 = x**2 + y**2  # the cycle has the radius sqrt(a)
     >>> ring = System({x: a * x - y - x * r2, y: x + a * y - y * r2}, parameters={a: -0.5})
