@@ -121,15 +121,9 @@ def solve(
     ValueError, TypeError
         Bad input, with the argument, its value and the remedy. A numerical failure is an Outcome, not an exception.
 
-    Notes
-    -----
     Source: Filippov 1988 for sliding; Jeffrey, On the mathematical basis of solid friction, for the layer that decides
     between crossing and sticking, and for folds.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
     >>> t, x = sp.symbols("t x", real=True)
     >>> relay = System({x: 1 - 2 * sp.sign(x - 2)}, time=t)
     >>> solve(relay, (0, 5), {x: 0}).itinerary

@@ -42,8 +42,10 @@ from .definition.sigmoids import sigmoid as sigmoid_of
 from .definition.views import filippov, hidden_part, layered, smoothed, time_constant, unlayered
 from .door import checks
 from .door.describe import DescribedSystem
+from .door.documenting import complete
 
 
+@complete
 class HiddenTerm(NamedTuple):
     """A term that acts on the surface of a switch alone: nonlinear in lambda, 0 at lambda = 1 and -1.
 
@@ -56,14 +58,8 @@ class HiddenTerm(NamedTuple):
     term : Expr
         In the unit of that rate.
 
-    Notes
-    -----
     Source: Jeffrey, On the mathematical basis of solid friction, sec. 1 (spec: gamma(lambda), 0 off the surface).
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import Switch, System
     >>> v = sp.Symbol("v", real=True)
     >>> lam = Switch("lam", v)
     >>> (hidden,) = System({v: -lam * (1 + 3 * (1 - lam**2))}).hidden_terms
@@ -137,12 +133,8 @@ class System(DescribedSystem):
     Source: Filippov, Differential Equations with Discontinuous Righthand Sides, 1988, for what is linear in lambda;
     Jeffrey, On the mathematical basis of solid friction, for hidden terms.
 
-    Examples
-    --------
     The friction oscillator with static friction as a hidden term:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import Switch, System
     >>> t, y, v, z = sp.symbols("t y v z", real=True)
     >>> rho, beta, k, sigma = sp.symbols("rho beta k sigma", positive=True)
     >>> lam = Switch("lam", v)
@@ -246,14 +238,9 @@ class System(DescribedSystem):
 
         Source: Kane and Levinson, Dynamics: Theory and Applications, 1985.
 
-        Examples
-        --------
         A pendulum with dry friction in its joint:
 
-        >>> import sympy as sp
         >>> from sympy.physics import mechanics as me
-        >>> from pwsmooth import System, solve
-        >>> from pwsmooth.laws.friction import Coulomb
         >>> theta = me.dynamicsymbols("theta")
         >>> lagrange = me.LagrangesMethod(theta.diff()**2/2 + 9.81*sp.cos(theta), [theta])
         >>> _ = lagrange.form_lagranges_equations()
@@ -307,12 +294,8 @@ class System(DescribedSystem):
 
         Source: Squire and Trapp, SIAM Review 40, 1998, for slopes by complex steps.
 
-        Examples
-        --------
         A block on a spring, pulled to and fro, with Coulomb friction:
 
-        >>> import numpy as np
-        >>> from pwsmooth import System, solve
         >>> def f(t, x, lam, p):
         ...     return x[1], np.sin(t) - x[0] - p[0] * lam[0]
         >>> block = System.from_functions(f, "y v", surfaces=[lambda t, x, p: x[1]], parameters={"F_c": 0.6})

@@ -36,13 +36,7 @@ def jax_function(objective: Objective) -> Any:
     ValueError
         JAX computes in single precision: the options of a run are too fine for that.
 
-    Examples
-    --------
     >>> import jax
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.costs import Objective, final
-    >>> from pwsmooth.costs.for_jax import jax_function
     >>> jax.config.update("jax_enable_x64", True)
     >>> x = sp.Symbol("x", real=True)
     >>> cost = jax_function(Objective(System({x: -2 * x}), final(x), (0, 1), {x: 1}, ["x"]))

@@ -24,11 +24,6 @@ def torch_function(objective: Objective) -> Any:
     callable
         Of a tensor of shape (k,) to a scalar tensor in double precision, whose `backward` is the exact gradient.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.costs import Objective, final
     >>> x = sp.Symbol("x", real=True)
     >>> objective = Objective(System({x: -2 * x}), final(x), (0, 1), {x: 1}, ["x"])
     >>> cost = torch_function(objective)  # doctest: +SKIP

@@ -66,14 +66,8 @@ def minimise(
 
     Parameters
     ----------
-    system : System
-        Event-driven.
     cost : Expr
         Of quantities of a run (`integral`, `final`, `event_time`, ...) and of parameters.
-    t_span : (float, float), in the unit of the model's time
-        As of `solve`.
-    x0 : mapping of state to float, or sequence of float, length n
-        As of `solve`, in the units of the states.
     over : sequence of (str, Symbol or Control), or mapping of (str or Symbol) to float, in their units
         The unknowns: parameters, states and memories (their initial values), "t0"; a Control stands for its
         coefficients and its movable times, the name of a family for all elements. With a mapping, first guesses; else
@@ -112,13 +106,8 @@ def minimise(
 
     Source: Nocedal and Wright, Numerical Optimization, 2006, for the methods.
 
-    Examples
-    --------
     A body is pushed from rest over unit distance in unit time and ends at rest, with least effort:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import Control, System
-    >>> from pwsmooth.costs import final, integral, minimise
     >>> x, v = sp.symbols("x v", real=True)
     >>> u = Control("u", [0, 1], degree=2)
     >>> body = System({x: v, v: u})

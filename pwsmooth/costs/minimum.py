@@ -13,12 +13,14 @@ import numpy as np
 
 from ..door import checks
 from ..door.describe import Described, Rows, values
+from ..door.documenting import complete
 from ..paths.derivatives.of_solution import NoDerivative
 from ..solve import solve
 
 HELD = 1e-7  # violation up to which a constraint counts as held
 
 
+@complete
 class Evaluation(NamedTuple):
     """A point that a search has tried.
 
@@ -34,11 +36,6 @@ class Evaluation(NamedTuple):
         The largest amount by which a constraint does not hold, dimensionless: over its slope by the unknowns, these
         in units of their size, at the first point; nan as the cost.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.costs import final, minimise
     >>> x = sp.Symbol("x", real=True)
     >>> found = minimise(System({x: 2 - sp.sign(x)}), (final(x) - 1) ** 2, (0, 2), {x: -2}, ["x"])
     >>> first = found.history[0]
@@ -108,11 +105,6 @@ class Minimum(Described):
     problem : NoDerivative or None
         The first reason of these.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.costs import final, integral, minimise
     >>> x = sp.Symbol("x", real=True)
     >>> relay = System({x: 2 - sp.sign(x)})
     >>> found = minimise(relay, integral(x**2), (0, 2), {x: -2}, ["x"], constraints=[final(x) >= 1.6])
@@ -143,11 +135,6 @@ class Minimum(Described):
 
     def plot(self, ax: Any = None) -> Any:
         """The cost of every point that was tried, filled where the constraints hold.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            Where to draw; a new figure without.
 
         Returns
         -------

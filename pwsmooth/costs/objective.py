@@ -28,16 +28,8 @@ class Objective:
 
     Parameters
     ----------
-    system : System
-        Event-driven.
     cost : Expr
         Of quantities of a run (`integral`, `final`, ...) and of parameters.
-    t_span : (float, float), in the unit of the model's time
-        As of `solve`.
-    x0 : mapping of state to float, or sequence of float, length n
-        As of `solve`, in the units of the states.
-    with_respect_to : sequence of str or Symbol
-        As of `solve`: parameters, initial values of states and memories, "t0".
     **options
         Of `solve`: `rtol`, `atol`, `max_step`, `max_steps`, `max_seconds`, `order`, `parameters`.
 
@@ -53,12 +45,7 @@ class Objective:
     ValueError, TypeError
         Bad input, with the argument, its value and the remedy.
 
-    Examples
-    --------
     >>> import numpy as np
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.costs import Objective, final, integral
     >>> x = sp.Symbol("x", real=True)
     >>> k = sp.Symbol("k", positive=True)
     >>> decay = System({x: -k * x}, parameters={k: 1})
@@ -147,11 +134,6 @@ class Objective:
     def solve(self, q: Any) -> Any:
         """The run at these values of the quantities.
 
-        Parameters
-        ----------
-        q : array_like, shape (k,)
-            Values of the quantities, in their units.
-
         Returns
         -------
         Solution
@@ -213,11 +195,6 @@ class Objective:
 
     def value(self, q: Any) -> float:
         """The cost alone; it exists where the gradient does not.
-
-        Parameters
-        ----------
-        q : array_like, shape (k,)
-            Values of the quantities, in their units.
 
         Returns
         -------
@@ -291,18 +268,8 @@ def value_and_gradient(
 
     Parameters
     ----------
-    system : System
-        Event-driven.
     cost : Expr
         Of quantities of a run (`integral`, `final`, `at`, `event_time`, ...) and of parameters.
-    t_span : (float, float), in the unit of the model's time
-        As of `solve`.
-    x0 : mapping of state to float, or sequence of float, length n
-        As of `solve`, in the units of the states.
-    with_respect_to : sequence of str or Symbol
-        As of `solve`: parameters, initial values of states and memories, "t0".
-    **options
-        Of `solve`.
 
     Returns
     -------
@@ -316,16 +283,9 @@ def value_and_gradient(
     NoDerivative
         The run stops, reads an event that does not happen, or meets an instant at which it has no derivative.
 
-    Notes
-    -----
     Source: the adjoint of the saltation matrices, di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical
     Systems, 2008.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.costs import event_time, value_and_gradient
     >>> x, v = sp.symbols("x v", real=True)
     >>> mu = sp.Symbol("mu", positive=True)
     >>> body = System({x: v, v: -mu * sp.sign(v)}, parameters={mu: 2})

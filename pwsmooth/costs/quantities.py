@@ -25,10 +25,6 @@ class Quantity(sp.Symbol):
     where : tuple
         Where: times, an event, data.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.costs import final, integral
     >>> x = sp.Symbol("x", real=True)
     >>> sorted(map(str, (integral(x**2) + final(x)).free_symbols))
     ['final(x)', 'integral(x**2)']
@@ -74,21 +70,11 @@ def _expression(e: Any) -> sp.Expr:
 def integral(expression: Any) -> Quantity:
     """The integral of an expression over the span, to the tolerance of the run.
 
-    Parameters
-    ----------
-    expression : Expr
-        Of states, multipliers, parameters and time.
-
     Returns
     -------
     Quantity
         In the unit of the expression times that of the time.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.costs import integral, value_and_gradient
     >>> x, v = sp.symbols("x v", real=True)
     >>> body = System({x: v, v: -2 * sp.sign(v)})
     >>> value, slope = value_and_gradient(body, integral(v), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
@@ -102,21 +88,6 @@ def integral(expression: Any) -> Quantity:
 def final(expression: Any) -> Quantity:
     """An expression at the end of the span.
 
-    Parameters
-    ----------
-    expression : Expr
-        Of states, multipliers, parameters and time.
-
-    Returns
-    -------
-    Quantity
-        In the unit of the expression.
-
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.costs import final, value_and_gradient
     >>> x, v = sp.symbols("x v", real=True)
     >>> body = System({x: v, v: -2 * sp.sign(v)})
     >>> value, slope = value_and_gradient(body, final(x), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
@@ -132,21 +103,9 @@ def at(expression: Any, time: float) -> Quantity:
 
     Parameters
     ----------
-    expression : Expr
-        Of states, multipliers, parameters and time.
     time : float, in the unit of the model's time
         When.
 
-    Returns
-    -------
-    Quantity
-        In the unit of the expression.
-
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.costs import at, value_and_gradient
     >>> x, v = sp.symbols("x v", real=True)
     >>> body = System({x: v, v: -2 * sp.sign(v)})
     >>> value, slope = value_and_gradient(body, at(x, 1), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
@@ -165,25 +124,11 @@ def _event(switch: Any, kind: str | None, number: int) -> tuple[str, str | None,
 def event_time(switch: Any, kind: str | None = None, number: int = 0) -> Quantity:
     """The time of an event.
 
-    Parameters
-    ----------
-    switch : Switch, Symbol or str
-        Switch, contact or event, by its name.
-    kind : str, optional
-        As of `EventRecord`; any without.
-    number : int
-        0 for the first of these events.
-
     Returns
     -------
     Quantity
         In the unit of the model's time.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.costs import event_time, value_and_gradient
     >>> x, v = sp.symbols("x v", real=True)
     >>> body = System({x: v, v: -2 * sp.sign(v)})
     >>> value, slope = value_and_gradient(body, event_time("sgn(v)"), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
@@ -203,25 +148,9 @@ def at_event(
     ----------
     expression : Expr
         Of states, parameters and time.
-    switch : Switch, Symbol or str
-        Switch, contact or event, by its name.
-    kind : str, optional
-        As of `EventRecord`; any without.
-    number : int
-        0 for the first of these events.
     after : bool
         On the side after it.
 
-    Returns
-    -------
-    Quantity
-        In the unit of the expression.
-
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.costs import at_event, value_and_gradient
     >>> x, v = sp.symbols("x v", real=True)
     >>> body = System({x: v, v: -2 * sp.sign(v)})
     >>> value, slope = value_and_gradient(body, at_event(x, "sgn(v)"), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
@@ -243,23 +172,6 @@ def _window(kind: str, expression: Any, start: float | None, end: float | None) 
 def largest(expression: Any, start: float | None = None, end: float | None = None) -> Quantity:
     """The largest value of an expression over a window; its slopes are those where it is taken (envelope theorem).
 
-    Parameters
-    ----------
-    expression : Expr
-        Of states, multipliers, parameters and time.
-    start, end : float, in the unit of the model's time, optional
-        The window; the span without.
-
-    Returns
-    -------
-    Quantity
-        In the unit of the expression.
-
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.costs import largest, value_and_gradient
     >>> x, v = sp.symbols("x v", real=True)
     >>> body = System({x: v, v: -x})
     >>> value, slope = value_and_gradient(body, largest(x), (0, 6), {x: 0, v: 4}, with_respect_to=["v"])
@@ -273,23 +185,6 @@ def largest(expression: Any, start: float | None = None, end: float | None = Non
 def smallest(expression: Any, start: float | None = None, end: float | None = None) -> Quantity:
     """The smallest value of an expression over a window, as `largest`.
 
-    Parameters
-    ----------
-    expression : Expr
-        Of states, multipliers, parameters and time.
-    start, end : float, in the unit of the model's time, optional
-        The window; the span without.
-
-    Returns
-    -------
-    Quantity
-        In the unit of the expression.
-
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.costs import smallest, value_and_gradient
     >>> x, v = sp.symbols("x v", real=True)
     >>> body = System({x: v, v: -x})
     >>> value, slope = value_and_gradient(body, smallest(x), (0, 6), {x: 0, v: 4}, with_respect_to=["v"])
@@ -313,11 +208,6 @@ def duration(switch: Any) -> Quantity:
     Quantity
         In the unit of the model's time.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.costs import duration, value_and_gradient
     >>> x, v = sp.symbols("x v", real=True)
     >>> body = System({x: v, v: -2 * sp.sign(v)})
     >>> value, slope = value_and_gradient(body, duration("sgn(v)"), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
@@ -333,8 +223,6 @@ def misfit(expression: Any, times: Any, values: Any, sigma: Any = 1.0) -> Quanti
 
     Parameters
     ----------
-    expression : Expr
-        Of states, multipliers, parameters and time.
     times : array_like, shape (nd,), in the unit of the model's time
         When it was measured, not decreasing.
     values : array_like, shape (nd,), in the unit of the expression
@@ -352,11 +240,6 @@ def misfit(expression: Any, times: Any, values: Any, sigma: Any = 1.0) -> Quanti
     ValueError
         Lengths that differ, times that decrease, an error that is not positive.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.costs import misfit, value_and_gradient
     >>> x, v = sp.symbols("x v", real=True)
     >>> body = System({x: v, v: -2 * sp.sign(v)})
     >>> cost = misfit(x, [1, 2], [2.5, 4])

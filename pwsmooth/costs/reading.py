@@ -15,6 +15,7 @@ import numpy as np
 import sympy as sp
 
 from ..definition.lambdified import numpy_function
+from ..door.documenting import complete
 from ..paths.derivatives.of_solution import NoDerivative, Quantities, problems
 from ..paths.derivatives.tangents import Readings, Slopes
 from ..paths.limits import limits
@@ -25,6 +26,7 @@ _HALVINGS, _SAME = 12, 1e-13  # of a step of a quadrature at most, and by how mu
 _NODES = 33  # at which an expression is looked at on a step, whose polynomial has degree 31 at most
 
 
+@complete
 class Gradient(NamedTuple):
     """A cost and its slopes.
 
@@ -35,11 +37,6 @@ class Gradient(NamedTuple):
     gradient : ndarray, shape (k,)
         By the quantities, in the unit of the cost over theirs.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.costs import final, value_and_gradient
     >>> x = sp.Symbol("x", real=True)
     >>> found = value_and_gradient(System({x: -2 * x}), final(x) ** 2, (0, 1), {x: 1}, with_respect_to=["x"])
     >>> print(f"{found.value:.6f} {found.gradient[0]:.6f}")  # exp(-4), twice that

@@ -65,10 +65,6 @@ class Control(sp.Symbol):
 
     Source: Farin, Curves and Surfaces for CAGD, 2002, for Bernstein's polynomials.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import Control, System, solve
     >>> x, v = sp.symbols("x v", real=True)
     >>> u = Control("u", [0, 1, 2], [1, -1], movable=True)
     >>> body = System({x: v, v: u})

@@ -48,11 +48,6 @@ class Drive:
     -----
     The spline is SciPy's CubicSpline, not-a-knot. A step ends at every sample.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import sympy as sp
-    >>> from pwsmooth import Drive, System, solve
     >>> y, v, ag = sp.symbols("y v ag", real=True)
     >>> times = np.linspace(0, 20, 401)
     >>> ground = Drive(times, np.sin(times))

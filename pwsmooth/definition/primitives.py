@@ -42,15 +42,9 @@ class Switch(sp.Symbol):
     ValueError, TypeError
         The surface is a constant, or no expression; a name that is no string.
 
-    Notes
-    -----
     Source: Filippov 1988 for the surface; Jeffrey, On the mathematical basis of solid friction, for lambda as a
     variable of its own on it.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import Switch
     >>> v = sp.Symbol("v", real=True)
     >>> lam = Switch("lam", v)
     >>> lam.surface
@@ -138,12 +132,8 @@ class Disc:
     Source: Filippov 1988 for surfaces of codimension 2; Antali and Stepan, SIAM J. Appl. Dyn. Syst. 17 (2018) 823, for
     limit directions.
 
-    Examples
-    --------
     A block is thrown on a plane. It stops at |v|/mu after |v|^2/(2 mu), and stays:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import Disc, System, solve
     >>> x, y, vx, vy = sp.symbols("x y vx vy", real=True)
     >>> lam = Disc("lam", (vx, vy))
     >>> block = System({x: vx, y: vy, vx: -lam[0] / 2, vy: -lam[1] / 2})
@@ -215,9 +205,6 @@ class Memory(sp.Symbol):
     **assumptions
         As of `sympy.Symbol`; real by default.
 
-    Examples
-    --------
-    >>> from pwsmooth import Memory
     >>> stuck = Memory("stuck", 1)
     >>> stuck.initial
     1.0
@@ -286,17 +273,10 @@ class Unilateral:
     ValueError, TypeError
         A gap that is a constant, a restitution outside [0, 1], no expressions.
 
-    Notes
-    -----
     Source: Signorini's condition 0 <= h, R >= 0, h R = 0, and Newton's impact law.
 
-    Examples
-    --------
     A ball of mass 1 on a floor; its bounces add up to (1 + e)/(1 - e) times the time of the first fall:
 
-    >>> import math
-    >>> import sympy as sp
-    >>> from pwsmooth import System, Unilateral, solve
     >>> y, v = sp.symbols("y v", real=True)
     >>> floor = Unilateral(y, restitution=0.5, name="R")
     >>> ball = System({y: v, v: -9.81 + floor.reaction})
@@ -345,10 +325,6 @@ class Algebraic:
     ValueError, TypeError
         A residual without the unknown; no Symbol, no expression.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import Algebraic, System, solve
     >>> a, v = sp.symbols("a v", real=True)
     >>> body = System({v: a}, algebraic=[Algebraic(a, a + a**3 + v)])
     >>> solution = solve(body, (0, 1), {v: 2})
@@ -418,12 +394,8 @@ class Event:
     ValueError, TypeError
         None or several of `surface`, `every`, `at`; a direction of a clock; what is no expression or condition.
 
-    Examples
-    --------
     A count of the turns of a pendulum, and a stop at the third:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, Memory, System, solve
     >>> x, w = sp.symbols("x w", real=True)
     >>> turns = Memory("turns", 0)
     >>> count = Event(w, update={turns: turns + 1}, name="turn")

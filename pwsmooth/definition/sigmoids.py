@@ -48,14 +48,8 @@ class Sigmoid:
     expression : Expr or None
         Lambda(u) of a sigmoid that is none of the three by name.
 
-    Notes
-    -----
     Source: Jeffrey, On the mathematical basis of solid friction, for the algebraic one.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.definition.sigmoids import sigmoid
     >>> u, lam = sp.symbols("u lam", real=True)
     >>> sigmoid("algebraic").function(u)
     u/sqrt(u**2 + 1)
@@ -93,11 +87,6 @@ class Sigmoid:
     def slope(self, lam):
         """Its slope dLambda/du in terms of lambda.
 
-        Parameters
-        ----------
-        lam : Expr or float, dimensionless
-            Lambda, between -1 and 1.
-
         Returns
         -------
         Expr
@@ -113,11 +102,6 @@ class Sigmoid:
 
     def inverse(self, lam):
         """The inverse u(lambda).
-
-        Parameters
-        ----------
-        lam : Expr or float, dimensionless
-            Lambda, between -1 and 1.
 
         Returns
         -------
@@ -153,8 +137,6 @@ class Sigmoid:
         ----------
         h : Expr
             The surface.
-        eps : Expr or float, in the unit of h
-            Width of the layer, > 0.
 
         Returns
         -------
@@ -174,8 +156,6 @@ class Sigmoid:
             Its surface h_i.
         surfaces : sequence of Expr, length d
             All surfaces of the disc.
-        eps : Expr or float, in the unit of h
-            Width of the layer, > 0.
 
         Returns
         -------
@@ -233,14 +213,8 @@ def sigmoid(name):
     ValueError
         There is no sigmoid of that name, or the expression is no smooth switch.
 
-    Notes
-    -----
     Source: Jeffrey, On the mathematical basis of solid friction, for the algebraic one.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth.definition.sigmoids import sigmoid
     >>> sigmoid("tanh").exponent
     1
     >>> u = sp.Symbol("u", real=True)

@@ -69,12 +69,6 @@ def diagram(
         Of the drive; or
     section : Expr
         A surface that an autonomous system crosses, as in `find_orbit`.
-    direction : {1, -1}
-        The section is crossed with its function rising or falling.
-    longest_return : float, in the unit of the model's time
-        How long a return is waited for.
-    phase : float, dimensionless
-        Orbits are seen at the times (k + phase)*period.
     symmetry : mapping of state to Expr, optional
         (x, t) -> (G x, t + T/2) of a driven system: symmetric orbits are followed as such, and of two branches that
         are mirror images one.
@@ -84,14 +78,6 @@ def diagram(
         Of an autonomous system: equilibria in it are followed too, and the cycles from their Hopf points.
     values : int
         Of the parameter in the orbit diagram.
-    transient, keep : int
-        Periods or returns unseen, and then shown.
-    longest : int
-        Longest orbit that is looked for, in periods or returns.
-    tol : float, dimensionless
-        How near two points of a trajectory are that count as one, relative to 1 + abs(x).
-    depth : int
-        Of branches on branches on branches.
     most, points : int
         Largest number of branches, and of points on each.
     step, longest_step, shortest_step : float, in units of the arc
@@ -100,13 +86,9 @@ def diagram(
         Whether branches of equilibria go on where they are virtual.
     executor : concurrent.futures.Executor, optional
         Processes that follow branches; it needs to import what the system is made of.
-    workers : int, optional
-        Processes of one's own; by default all is done in this one. No value depends on it.
     store : path, optional
         Zarr directory to which every branch is written as it finishes. The same call with the same store goes on where
         it was stopped, also by a kill, and gives the same result; another call's store is refused.
-    progress : bool, optional
-        Whether it tells how far it is, by default on a terminal.
     **options
         For `solve`: rtol, atol, ... of all trajectories; those of the orbit diagram have rtol 1e-9 without.
 
@@ -127,10 +109,6 @@ def diagram(
     Ends of trajectories that no branch explains begin new ones, until all are explained or no orbit is found beside
     them (chaos, long orbits, slow ones). Two branches are one if orbits of the one lie on the other.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, diagram
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> logistic = System({x: 0 * x}, time=t, parameters={a: 3}, events=[Event(every=1, update={x: a * x * (1 - x)})])
     >>> found = diagram(logistic, a, (2.8, 3.5), {x: 0.3}, 1, phase=0.5, values=9)

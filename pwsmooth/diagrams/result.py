@@ -96,10 +96,6 @@ class Diagram(Described):
     strobed_by : str
         What lies between two points of an orbit: a "period", a "return", or "" of equilibria.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, diagram
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> logistic = System({x: 0 * x}, time=t, parameters={a: 3}, events=[Event(every=1, update={x: a * x * (1 - x)})])
     >>> found = diagram(logistic, a, (2.8, 3.5), {x: 0.3}, 1, phase=0.5, values=8)
@@ -176,13 +172,11 @@ class Diagram(Described):
         ----------
         name : str or Symbol, optional
             The state, by default the first one.
-        ax : Axes, optional
-            Where to draw; a new figure by default.
 
         Returns
         -------
         Axes
-            The same.
+            Where it was drawn.
 
         Raises
         ------
@@ -313,12 +307,6 @@ def read_diagram(path: Any) -> Diagram:
     ValueError
         No diagram there, an unfinished or a damaged one.
 
-    Examples
-    --------
-    >>> import tempfile
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, diagram
-    >>> from pwsmooth.diagrams import read_diagram
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> step = Event(every=1, update={x: a - x**2})
     >>> folded = System({x: 0 * x}, time=t, parameters={a: 0.2}, events=[step])

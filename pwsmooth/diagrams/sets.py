@@ -78,10 +78,6 @@ class BifurcationSet(Described):
     lost : tuple of str
         What was found and has no curve, in words.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, bifurcation_set
     >>> t, x, a, b = sp.symbols("t x a b", real=True)
     >>> step = Event(every=1, update={x: a - x**2 + b * x})
     >>> quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
@@ -149,15 +145,10 @@ class BifurcationSet(Described):
     def plot(self, ax: Any = None) -> Any:
         """The curves, a colour a kind, virtual ones dotted, and their points of codimension 2.
 
-        Parameters
-        ----------
-        ax : Axes, optional
-            Where to draw; a new figure by default.
-
         Returns
         -------
         Axes
-            The same.
+            Where it was drawn.
         """
         from ..plotting import axes_for, style
         from .drawing import draw_set
@@ -263,12 +254,6 @@ def read_set(path: Any) -> BifurcationSet:
     ValueError
         No bifurcation set there, an unfinished or a damaged one.
 
-    Examples
-    --------
-    >>> import tempfile
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, bifurcation_set
-    >>> from pwsmooth.diagrams import read_set
     >>> t, x, a, b = sp.symbols("t x a b", real=True)
     >>> step = Event(every=1, update={x: a - x**2 + b * x})
     >>> quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])

@@ -90,12 +90,6 @@ def bifurcation_set(
         default one each, in the middle.
     section : Expr
         Instead of a period: a surface that an autonomous system crosses.
-    direction : {1, -1}
-        The section is crossed with its function rising or falling.
-    longest_return : float, in the unit of the model's time
-        How long a return is waited for.
-    phase : float, dimensionless
-        Orbits are seen at the times (k + phase)*period.
     symmetry : mapping of state to Expr, optional
         (x, t) -> (G x, t + T/2), as of `diagram`. Mirror images have one curve.
     orbits : sequence of PeriodicOrbit or Equilibrium, any length
@@ -104,14 +98,6 @@ def bifurcation_set(
         Equilibria in it are followed too.
     values : int
         On each line in the orbit diagram.
-    transient, keep : int
-        Periods or returns unseen, and then shown.
-    longest : int
-        Longest orbit that is looked for, in periods or returns.
-    tol : float, dimensionless
-        How near two points of a trajectory are that count as one, relative to 1 + abs(x).
-    depth : int
-        Of branches on branches on branches.
     most, points : int
         Largest number of branches on a line, and of points on each branch, and on a curve to either side.
     curves : int
@@ -122,14 +108,8 @@ def bifurcation_set(
         Whether curves and branches of equilibria go on where they are virtual.
     executor : concurrent.futures.Executor, optional
         Processes that follow branches and curves.
-    workers : int, optional
-        Processes of one's own; by default all is done in this one. No value depends on it.
     store : path, optional
         Zarr directory to which every branch and curve is written as it finishes; the same call goes on with it.
-    progress : bool, optional
-        Whether it tells how far it is, by default on a terminal.
-    **options
-        For `solve`.
 
     Returns
     -------
@@ -148,12 +128,8 @@ def bifurcation_set(
     A curve that meets none of the lines is not found. Two curves are one if a point of the one lies on the other, with
     the same orbit or its mirror image.
 
-    Examples
-    --------
     The flips of x -> a - x**2 + b x lie on 4 a = (1 + b) (3 - b):
 
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, bifurcation_set
     >>> t, x, a, b = sp.symbols("t x a b", real=True)
     >>> step = Event(every=1, update={x: a - x**2 + b * x})
     >>> quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])

@@ -164,10 +164,6 @@ def explore(
     unless the system contains functions or classes that the script defines; then the call belongs under
     ``if __name__ == "__main__":``.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, explore
     >>> x, v = sp.symbols("x v", real=True)
     >>> block = System({x: v, v: -x - sp.sign(v)})
     >>> explored = explore(block, {x: 3.5, v: 0}, t_span=(0, 10), show=False)

@@ -66,8 +66,6 @@ def fit(
     intervals : int, optional
         Into how many each record is cut where a state is measured (multiple shooting); by default one of 20 samples
         each, 30 at most, and where these find no way on, from the first guess again as one. 1 is single shooting.
-    rtol : float, dimensionless
-        Of the runs.
     max_runs : int
         Bound on runs along all records.
     max_steps : int
@@ -94,14 +92,8 @@ def fit(
 
     Source: Bock, Recent advances in parameter identification techniques for O.D.E., 1983, for multiple shooting.
 
-    Examples
-    --------
     Friction, stiffness and the unknown initial velocity of a block on a spring, from its displacement:
 
-    >>> import numpy as np
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
-    >>> from pwsmooth.fit import Record, fit
     >>> x, v = sp.symbols("x v", real=True)
     >>> F, k = sp.symbols("F k", positive=True)
     >>> block = System({x: v, v: -k * x - F * sp.sign(v)}, parameters={F: 0.3, k: 2.0})

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..door.documenting import complete
 from .shooting import Evaluation, Linearised, RunFailed, Shooting
 
 _NEAR, ALL = 1e-2, 2**60  # sum of gaps from which on one run without nodes is tried
@@ -29,6 +30,7 @@ _LEAST = "The misfit does not become smaller any more."
 STUCK = "No step lessens the misfit, no smooth function here: try other guesses or `intervals`."
 
 
+@complete
 class Iteration(NamedTuple):
     """Where a fit stands.
 
@@ -43,11 +45,6 @@ class Iteration(NamedTuple):
     values : dict of str to float
         Fitted quantities, in their units.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth.fit import fit_law
-    >>> from pwsmooth.laws.friction import Coulomb
     >>> t = np.linspace(0, 3, 61)
     >>> v = 1 + 0.5 * np.sin(t)
     >>> seen = []

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..door import checks
 from ..door.describe import Described, Rows
+from ..door.documenting import complete
 
 _BLIND = 1e-9  # of the largest singular value: what is below is rounding
 _WORTH = 0.05  # of a direction: smaller parts are not told
@@ -31,6 +32,7 @@ def covariance(jacobian: np.ndarray) -> np.ndarray:
         return np.where(np.abs(products) > 1e-12, weights[:, None, None] * products, 0.0).sum(axis=0)
 
 
+@complete
 class Combination(NamedTuple):
     """A combination of parameters, and how well it is known.
 
@@ -43,11 +45,6 @@ class Combination(NamedTuple):
     singular_value : float, dimensionless
         Of the scaled Jacobian.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth.fit import fit_law
-    >>> from pwsmooth.laws.friction import Coulomb
     >>> t = np.linspace(0, 3, 61)
     >>> v = 1 + 0.5 * np.sin(t)
     >>> found = fit_law(Coulomb(sigma2=0.1), t, v, 1.2 + 0.4 * v, kind="velocity", noise=0.01)
@@ -92,15 +89,8 @@ class Identifiability(Described):
     limit : float, dimensionless
         Error from which on a combination counts as free.
 
-    Notes
-    -----
     Source: singular values of the Jacobian by logarithms, without what unknown initial values could explain.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth.fit import fit_law
-    >>> from pwsmooth.laws.friction import Coulomb
     >>> t = np.linspace(0, 3, 61)
     >>> v = 1 + 0.5 * np.sin(t)
     >>> found = fit_law(Coulomb(sigma2=0.1), t, v, 1.2 + 0.4 * v, kind="velocity", noise=0.01)

@@ -62,8 +62,6 @@ def fit_law(
         Time at the start that is left out of the comparison: the law starts relaxed, the experiment may not have.
     noise : float, in units of `force`, optional
         Standard deviation of the samples; estimated without.
-    rtol : float, dimensionless
-        Of the runs.
     **options
         Further ones of `fit`, such as `bounds` and `priors`.
 
@@ -77,13 +75,6 @@ def fit_law(
     ValueError
         Arrays of different lengths, an unknown name in `free`; as `fit`.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth import Drive
-    >>> from pwsmooth.fit import fit_law
-    >>> from pwsmooth.laws.friction import Dahl
-    >>> from pwsmooth.scenes import prescribed_motion
     >>> times = np.linspace(0, 3, 61)
     >>> x = 3e-5 * np.sin(4 * times)
     >>> data = prescribed_motion(Dahl(F_c=1.2, sigma0=8e4), position=Drive(times, x)).solve(t_eval=times)["force"]

@@ -63,10 +63,6 @@ class Record(Described):
         Times that do not increase, columns of another length, a noise that is not positive, a `begin` after the first
         sample.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth.fit import Record
     >>> Record([0.0, 0.5, 1.0], {"x": [0.1, np.nan, 0.3]}, noise=0.01, unknown=["v"], start={"v": 0.0})
     Record: 2 samples over 0 to 1
       samples 2 of x, noise 0.01

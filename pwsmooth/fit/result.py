@@ -13,6 +13,7 @@ import numpy as np
 
 from ..door import checks
 from ..door.describe import Described, Rows
+from ..door.documenting import complete
 from .gauss_newton import Minimum, minimise
 from .identifiability import Identifiability, covariance
 from .records import Record
@@ -79,16 +80,8 @@ class Fit(Described):
     problems : list of NoDerivative
         Instants of the last runs at which there is no derivative; errors do without what passes through them.
 
-    Notes
-    -----
     Source: errors are those of the linearised problem at the least misfit.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.fit import Record, fit
     >>> v = sp.Symbol("v", real=True)
     >>> F = sp.Symbol("F", positive=True)
     >>> sliding = System({v: -F * sp.sign(v)}, parameters={F: 0.3})
@@ -185,8 +178,6 @@ class Fit(Described):
         ----------
         name : str or Symbol
             Of what was measured.
-        record : int
-            Which one, in the order in which they were given.
 
         Returns
         -------
@@ -294,8 +285,6 @@ class Fit(Described):
 
         Parameters
         ----------
-        record : int
-            Which one, in the order in which they were given.
         axes : sequence of Axes, optional
             Two for each column of the record; a new figure without.
 
@@ -357,6 +346,7 @@ class Fit(Described):
         }.items()
 
 
+@complete
 class Profile(NamedTuple):
     """The profile likelihood of a parameter.
 
@@ -371,11 +361,6 @@ class Profile(NamedTuple):
     excess : ndarray, shape (n,), dimensionless
         Sum of squares in units of the noise, above that of the fit; nan beyond a bound.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth.fit import fit_law
-    >>> from pwsmooth.laws.friction import Coulomb
     >>> t = np.linspace(0, 3, 61)
     >>> v = 1 + 0.5 * np.sin(t)
     >>> found = fit_law(Coulomb(sigma2=0.1), t, v, 1.2 + 0.4 * v, kind="velocity", noise=0.01)
@@ -416,11 +401,6 @@ class Profile(NamedTuple):
     def plot(self, ax: Any = None) -> Any:
         """The excess against the parameter.
 
-        Parameters
-        ----------
-        ax : Axes, optional
-            Where to draw; a new figure without.
-
         Returns
         -------
         Axes
@@ -449,15 +429,9 @@ class Comparison(Described):
     fits : dict of str to Fit
         By their names.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth.fit import fit_law
-    >>> from pwsmooth.laws.friction import Coulomb
     >>> t = np.linspace(0, 3, 61)
     >>> v = 1 + 0.5 * np.sin(t)
     >>> fits = [fit_law(Coulomb(sigma2=0.1), t, v, 1.2 + 0.4 * v, kind="velocity", noise=0.01)]
-    >>> from pwsmooth.fit import compare
     >>> print(compare(fits).to_dataframe().loc["Coulomb", "quantities"])
     2
     """
@@ -518,11 +492,6 @@ def compare(fits: Mapping[str, Fit] | Iterable[Fit]) -> Comparison:
     ValueError, TypeError
         None, or fits of different data; what is no Fit; two laws of one name.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth.fit import compare, fit_law
-    >>> from pwsmooth.laws.friction import Coulomb, StribeckFriction
     >>> t = np.linspace(0, 3, 61)
     >>> v = 0.01 * np.cos(4 * t)
     >>> force = StribeckFriction(F_c=1.0, F_s=1.4, v_s=0.004).steady_force(v)

@@ -76,10 +76,6 @@ class Diffusion:
     Source: Roessler, SIAM J. Numer. Anal. 48 (2010) 922-952 for SRA1; Milstein, Theory Probab. Appl. 19 (1974) 557-562;
     the orders across a switch were measured here.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import Diffusion, System, solve
     >>> x = sp.Symbol("x")
     >>> path = solve(System({x: -x}), (0, 1), {x: 0}, noise=Diffusion({x: 0.3}, step=1 / 64, seed=5))
     >>> len(path.t)

@@ -69,10 +69,6 @@ class Kicks:
     Source: Jeffrey, On the mathematical basis of solid friction, figures 11 to 13, whose distribution is not printed;
     Philox of Salmon et al. 2011.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import Kicks, System, solve
     >>> x = sp.Symbol("x")
     >>> walk = solve(System({x: 0 * x}), (0, 10), {x: 0}, noise=Kicks(0.1, every=1, on=x, seed=7))
     >>> len(walk.event_times("reset"))

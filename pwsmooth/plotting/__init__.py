@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from ..door import checks
+from ..door.documenting import complete
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -76,6 +77,7 @@ _RC: Any = {
 }
 
 
+@complete
 @contextlib.contextmanager
 def style() -> Iterator[None]:
     """The project's matplotlib settings, for as long as the block lasts.
@@ -85,14 +87,8 @@ def style() -> Iterator[None]:
     None
         It is a context manager.
 
-    Notes
-    -----
     Source: Okabe and Ito for the colours.
 
-    Examples
-    --------
-    >>> import matplotlib.pyplot as plt
-    >>> from pwsmooth import plotting
     >>> with plotting.style():
     ...     plt.rcParams["font.size"]
     9.0
@@ -122,9 +118,6 @@ def new_figure(width: float = 7.0, height: float = 3.0) -> Figure:
     Figure
         Of matplotlib.
 
-    Examples
-    --------
-    >>> from pwsmooth import plotting
     >>> plotting.new_figure(6.0, 2.0).get_size_inches().tolist()
     [6.0, 2.0]
     """
@@ -147,9 +140,6 @@ def phase(status: int) -> str:
     str
         "left", "stick" or "right".
 
-    Examples
-    --------
-    >>> from pwsmooth import plotting
     >>> plotting.phase(0)
     'stick'
     """
@@ -178,19 +168,8 @@ def sticking_regions(
     label : bool
         Whether they stand in the legend.
 
-    Returns
-    -------
-    Axes
-        The same.
-
-    Notes
-    -----
     Source: Jeffrey, On the mathematical basis of solid friction, figure 8.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth import plotting
     >>> ax = plotting.new_figure().subplots()
     >>> t = np.linspace(0, 6, 50)
     >>> narrow, wide = (np.sin(t) - 1, np.sin(t) + 1), (np.sin(t) - 16 / 9, np.sin(t) + 16 / 9)
@@ -221,12 +200,8 @@ def by_phase(ax: Any, status: np.ndarray, *coordinates: np.ndarray, **line: Any)
     Returns
     -------
     Axes
-        The same.
+        Where it was drawn.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, plotting, solve
     >>> x, v = sp.symbols("x v", real=True)
     >>> solution = solve(System({x: v, v: -x - sp.sign(v)}), (0, 10), {x: 3.5, v: 0})
     >>> ax = plotting.by_phase(plotting.new_figure().subplots(), solution.status[0], solution["x"], solution["v"])
@@ -270,15 +245,6 @@ def direction_arrows(
     size : float, in units of points
         Of the heads.
 
-    Returns
-    -------
-    Axes
-        The same.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth import plotting
     >>> ax = plotting.new_figure().subplots()
     >>> angle = np.linspace(0, 6, 100)
     >>> _ = ax.plot(np.cos(angle), np.sin(angle))
@@ -330,8 +296,6 @@ def plot_solution(sol: _Run, names: Sequence[Any] | None = None, axes: Any = Non
 
     Parameters
     ----------
-    sol : Solution
-        What is drawn.
     names : sequence of str or Symbol, optional
         States, multipliers or outputs.
     axes : sequence of Axes, optional
@@ -347,10 +311,6 @@ def plot_solution(sol: _Run, names: Sequence[Any] | None = None, axes: Any = Non
     ValueError
         Another number of Axes than of names.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, plotting, solve
     >>> x, v = sp.symbols("x v", real=True)
     >>> solution = solve(System({x: v, v: -x - sp.sign(v)}), (0, 10), {x: 3.5, v: 0}, dense_output=True)
     >>> len(plotting.plot_solution(solution, ["x", "v"]))
@@ -381,8 +341,6 @@ def plot_phase(sol: _Run, names: Sequence[Any], axes: Any = None) -> np.ndarray:
 
     Parameters
     ----------
-    sol : Solution
-        What is drawn.
     names : (str or Symbol, str or Symbol)
         States, multipliers or outputs, the horizontal one first.
     axes : Axes or sequence of one, optional
@@ -398,10 +356,6 @@ def plot_phase(sol: _Run, names: Sequence[Any], axes: Any = None) -> np.ndarray:
     ValueError
         Not two names, or not one Axes.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, plotting, solve
     >>> x, v = sp.symbols("x v", real=True)
     >>> solution = solve(System({x: v, v: -x - sp.sign(v)}), (0, 10), {x: 3.5, v: 0}, dense_output=True)
     >>> (ax,) = plotting.plot_phase(solution, ("x", "v"))
@@ -432,19 +386,10 @@ def plot_layer(sol: _Run, switch: Any = None, t: float | None = None, ax: Any = 
 
     Parameters
     ----------
-    sol : Solution
-        What is drawn.
     switch : Switch, Symbol or str, optional
         The first that meets its surface, without.
     t : float, in the unit of the model's time, optional
         The event of the switch nearest to it; the first one without.
-    ax : Axes, optional
-        A new figure without.
-
-    Returns
-    -------
-    Axes
-        Where it was drawn.
 
     Raises
     ------
@@ -457,10 +402,6 @@ def plot_layer(sol: _Run, switch: Any = None, t: float | None = None, ax: Any = 
 
     Source: Jeffrey, On the mathematical basis of solid friction, for the layer system.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import Switch, System, plotting, solve
     >>> x, v = sp.symbols("x v", real=True)
     >>> lam = Switch("lam", v)
     >>> static = System({x: v, v: -x - lam * (1 + 3 * (1 - lam**2))})

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..door import checks
 from ..door.describe import Described, Rows, some
+from ..door.documenting import complete
 from ..kernels.outcome import Outcome
 
 __all__ = ["Ambiguity", "Dense", "EventLog", "EventRecord", "Outcome", "Segment"]
@@ -28,6 +29,7 @@ KINDS = (
 )  # fmt: skip
 
 
+@complete
 @dataclass(frozen=True)
 class EventRecord:
     """One event of a solution.
@@ -45,10 +47,6 @@ class EventRecord:
     note : str
         What else is to be said.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
     >>> x = sp.Symbol("x", real=True)
     >>> print(solve(System({x: -2 * sp.sign(x)}), (0, 5), {x: 1}).events[0])
     t = 0.5: stick [sgn(x)] (+1 to 0)
@@ -98,10 +96,6 @@ class EventLog(_Told, Sequence):
     words : callable
         (time, codes of the event) -> EventRecord.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
     >>> x = sp.Symbol("x", real=True)
     >>> events = solve(System({x: -2 * sp.sign(x)}), (0, 5), {x: 1}).events
     >>> len(events), events[-1].kind
@@ -173,6 +167,7 @@ def course(t: np.ndarray, status: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return t[beside], status[:, beside]
 
 
+@complete
 @dataclass(frozen=True)
 class Ambiguity:
     """A point from which the solution is not unique: what it is, what was taken, what else was possible.
@@ -190,16 +185,12 @@ class Ambiguity:
     continuations : tuple of str
         All that are possible.
 
-    Notes
-    -----
     Source: Filippov 1988 for two-folds and repelling sliding.
 
     Examples
     --------
     A start on a surface that repels: both sides lead away, and staying is possible too.
 
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
     >>> x = sp.Symbol("x", real=True)
     >>> (ambiguity,) = solve(System({x: sp.sign(x)}), (0, 1), {x: 0}).ambiguities
     >>> ambiguity.kind, ambiguity.taken
@@ -217,6 +208,7 @@ class Ambiguity:
         return f"t = {self.time:.9g}: {self.kind} [{self.switch}], taken: {self.taken}{others}"
 
 
+@complete
 @dataclass(frozen=True)
 class Segment:
     """A maximal interval of constant status.
@@ -233,10 +225,6 @@ class Segment:
         The columns of the solution that bound the segment, both included; last is first - 1 where `t_eval` asked
         for none within it.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
     >>> x = sp.Symbol("x", real=True)
     >>> solution = solve(System({x: -2 * sp.sign(x)}), (0, 5), {x: 1})
     >>> [(segment.name, segment.duration) for segment in solution.segments]
@@ -264,6 +252,7 @@ class Segment:
         return slice(self.first, self.last + 1)
 
 
+@complete
 @dataclass(frozen=True)
 class Dense:
     """Piecewise polynomials, one piece a step, in the step's own variable s.
@@ -285,10 +274,6 @@ class Dense:
     length : ndarray, shape (ns,), optional
         End of s, in its own unit.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
     >>> x = sp.Symbol("x", real=True)
     >>> solution = solve(System({x: -x}), (0, 1), {x: 1}, dense_output=True)
     >>> states, multipliers = solution.dense(solution.t)

@@ -92,10 +92,6 @@ class Solution(Described):
     not of the motion. The extremes themselves have columns with an event where the rate vanishes, such as
     ``Event(v)`` of a velocity v; ``solution.sample()["x"].max()`` comes near, with dense output.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
     >>> x, v = sp.symbols("x v", real=True)
     >>> block = System({x: v, v: -x - sp.sign(v)}, outputs={"energy": (x**2 + v**2) / 2})
     >>> solution = solve(block, (0, 10), {x: 3.5, v: 0}, dense_output=True)
@@ -426,10 +422,6 @@ class Solution(Described):
         dense output, and the system as a tree of names. `numpy.load` reads the arrays without the package. The noise of
         a run is kept in words.
 
-        Examples
-        --------
-        >>> import sympy as sp
-        >>> from pwsmooth import Solution, System, solve
         >>> x = sp.Symbol("x", real=True)
         >>> solution = solve(System({x: -2 * sp.sign(x)}), (0, 5), {x: 1}, dense_output=True)
         >>> solution.save("relay.npz")
@@ -581,10 +573,6 @@ class Solution(Described):
         ValueError, TypeError
             No dense output was kept; an unknown name; a number that is not positive.
 
-        Examples
-        --------
-        >>> import sympy as sp
-        >>> from pwsmooth import System, solve
         >>> x, v = sp.symbols("x v", real=True)
         >>> solution = solve(System({x: v, v: -x - sp.sign(v)}), (0, 10), {x: 3.5, v: 0}, dense_output=True)
         >>> drawn = solution.sample(200, ["x", "v"])
@@ -694,11 +682,6 @@ class Solution(Described):
             No sketch, no dense output, an unknown name, a span outside the run, another ending, no ffmpeg; more than
             5000 frames.
 
-        Examples
-        --------
-        >>> import sympy as sp
-        >>> from pwsmooth import System, solve
-        >>> from pwsmooth.scenes import Sketch
         >>> from pwsmooth.scenes.sketch import Block
         >>> x, v = sp.symbols("x v", real=True)
         >>> run = solve(System({x: v, v: -x - sp.sign(v)}), (0, 10), {x: 3.5, v: 0}, dense_output=True)
@@ -745,8 +728,6 @@ class Solution(Described):
             The first that meets its surface, without.
         t : float, in the unit of the model's time, optional
             The event of the switch nearest to it; the first one without.
-        ax : Axes, optional
-            Where to draw; a new figure by default.
 
         Returns
         -------

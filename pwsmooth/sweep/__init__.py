@@ -105,8 +105,6 @@ def sweep(
     points : mapping of name to sequence of float, all of one length
         A list of points, one of each sequence, in the units of the model; with `axes` too, the whole grid at every
         point of the list.
-    start : mapping of state to float, or sequence of float, length n
-        Initial values of the states that are not swept, in their units.
     measures : sequence of Measure, str or callable
         Names ("sticks", "itinerary", "period", "amplitude(y)", "extremes(y)", "statistics(mu)", "points(y, v)",
         "counts", "lyapunov"), Measures of this module, functions of the Solution.
@@ -116,16 +114,8 @@ def sweep(
     section : Expr
         Of an autonomous system, instead of `period`: a function h of states and parameters. Its returns to h = 0
         take the place of the periods.
-    direction : {1, -1}
-        The section is crossed with h rising or falling.
     longest_return : float, in the unit of the model's time
         An orbit that is not back on the section in that time has the outcome no_return_to_the_section.
-    transient, periods : int
-        Of the drive, or returns: unseen, and measured.
-    t_span : (float, float), in the unit of the model's time
-        Without a drive or a section: the span of a run.
-    measure_from : float, in the unit of the model's time
-        With `t_span`: where in the span measuring begins.
     units : mapping of name to str
         Of parameters, states, outputs and time; they label coordinates and variables.
     noise : Kicks or Diffusion, optional
@@ -162,10 +152,6 @@ def sweep(
     RuntimeError
         A worker process was lost.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import Switch, System, sweep
     >>> t, y, v = sp.symbols("t y v", real=True)
     >>> k, sigma = sp.symbols("k sigma", positive=True)
     >>> lam = Switch("lam", v)

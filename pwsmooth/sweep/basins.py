@@ -53,12 +53,8 @@ class Basins(Described):
         Why a start has no attractor, in words that begin with "slow", "unsettled", "no return" or
         the name of the outcome; empty where it has one.
 
-    Examples
-    --------
     Of x -> x + (x - x^3)/2 the fixed points -1 and 1 attract, and 0 separates:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, basins
     >>> t, x = sp.symbols("t x", real=True)
     >>> clock = Event(sp.sin(2 * sp.pi * t - 1), direction=1, update={x: x + (x - x**3) / 2})
     >>> found = basins(System({x: 0 * x}, time=t, events=[clock]), {x: [-0.5, 0.1, 0.2]}, 1, transient=60)
@@ -81,8 +77,6 @@ class Basins(Described):
 
         Parameters
         ----------
-        ax : Axes, optional
-            Where to draw; a new figure by default.
         colours : sequence of str, optional
             One for each attractor.
 
@@ -133,25 +127,11 @@ def basins(
 
     Parameters
     ----------
-    system : System
-        Driven with `period`, or autonomous with a `section`.
-    axes : mapping of state to sequence of float, any length
-        The grid, in the units of the states.
-    period : float or Expr, in the unit of the model's time
-        Of the drive; or
     section : Expr
         A surface, function of states, that an autonomous system crosses, as in `find_orbit`. Two starts that meet one
         orbit at different phases cross it in the same points.
-    direction : {1, -1}
-        The section is crossed with its function rising or falling.
-    longest_return : float, in the unit of the model's time
-        How long a trajectory may be on its way to the section.
-    start : mapping of state to float, optional
-        Values of the states that are no axes, in their units.
     transient : int
         Periods or returns before a trajectory is looked at. Slow ones are led on (see Notes).
-    longest : int
-        Longest orbit, in periods or returns, that counts as periodic.
     tol : float, dimensionless
         How near to an orbit a trajectory has come after the transient, in states (relative to 1 + abs(x)).
     **options
@@ -170,10 +150,6 @@ def basins(
     point of the affine map that their points obey; a start belongs to an orbit that attracts and draws it in: whose
     quadratic Lyapunov function falls step by step through 200 of them. These further runs are in no `store`.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, basins
     >>> t, x = sp.symbols("t x", real=True)
     >>> clock = Event(sp.sin(2 * sp.pi * t - 1), direction=1, update={x: x + (x - x**3) / 2})
     >>> found = basins(System({x: 0 * x}, time=t, events=[clock]), {x: [-0.5, 0.1, 0.2]}, 1, transient=60)
@@ -265,31 +241,15 @@ def refine_basins(
 
     Parameters
     ----------
-    system : System
-        Driven with `period`, or autonomous with a `section`.
-    axes : mapping of state to sequence of float, any length
-        The grid, in the units of the states.
-    period : float or Expr, in the unit of the model's time
-        Of the drive; or
     section : Expr
         A surface that an autonomous system crosses.
-    direction : {1, -1}
-        The section is crossed with its function rising or falling.
-    longest_return : float, in the unit of the model's time
-        How long a trajectory may be on its way to the section.
-    start : mapping of state to float, optional
-        Values of the states that are no axes, in their units.
     transient : int
         Periods or returns after which a trajectory that no known attractor has drawn in is looked at as `basins` does.
-    longest : int
-        Longest orbit, in periods or returns, that counts as periodic.
     tol : float, dimensionless
         As of `basins`.
     order : iterable of int, optional
         Numbers of the starts to run, the last axis fastest, in this order; by default as of `sweep.refine`, which says
         what an iterator is good for.
-    budget : float, s, optional
-        Of processor time, after which no further chunk begins.
     **options
         rtol, atol, method, max_step, max_steps, parameters of `solve`.
 
@@ -304,12 +264,6 @@ def refine_basins(
     ValueError, TypeError
         Bad input, as `basins` and `sweep.refine` say it.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System
-    >>> from pwsmooth.sweep.basins import refine_basins
     >>> t, x = sp.symbols("t x", real=True)
     >>> clock = Event(sp.sin(2 * sp.pi * t - 1), direction=1, update={x: x + (x - x**3) / 2})
     >>> cubic = System({x: 0 * x}, time=t, events=[clock])
@@ -401,10 +355,6 @@ class OrbitDiagram(Described):
     system : System or None
         Of which; `exponents` needs it.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, orbit_diagram
     >>> x, t, c = sp.symbols("x t c", real=True)
     >>> logistic = System({x: 0*x}, time=t, parameters={c: 3}, events=[Event(every=1, update={x: c*x*(1 - x)})])
     >>> orbit_diagram(logistic, c, [2.5, 3.2], {x: 0.3}, 1, keep=4)["x"].shape
@@ -479,8 +429,6 @@ class OrbitDiagram(Described):
 
         Parameters
         ----------
-        ax : Axes, optional
-            Where to draw; a new figure by default.
         name : str or Symbol, optional
             The state, by default the first one.
         **marks
@@ -489,7 +437,7 @@ class OrbitDiagram(Described):
         Returns
         -------
         Axes
-            The same.
+            Where it was drawn.
 
         Raises
         ------
@@ -555,24 +503,14 @@ def orbit_diagram(
 
     Parameters
     ----------
-    system : System
-        Driven with `period`, or autonomous with a `section`.
     parameter : str or Symbol
         Of the system.
     values : sequence of float, any length
         In the unit of the parameter.
     start : mapping of state to float
         Of every run or, with `carry`, of the first one, in the units of the states.
-    period : float or Expr, in the unit of the model's time
-        Of the drive; or
     section : Expr
         A surface, function of states and parameters, that an autonomous system crosses, as in `find_orbit`.
-    direction : {1, -1}
-        The section is crossed with its function rising or falling.
-    longest_return : float, in the unit of the model's time
-        How long a trajectory may be on its way to the section.
-    transient, keep : int
-        Periods or returns unseen, and then shown.
     carry : bool
         Begin each run where the one before ended: follows an attractor and shows hysteresis when the values come
         back. Without it all runs are independent and use all cores.
@@ -589,12 +527,8 @@ def orbit_diagram(
     ValueError, TypeError
         No parameter of that name; bad input, as `sweep` says it.
 
-    Examples
-    --------
     The logistic map, before and after its first period doubling:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, orbit_diagram
     >>> x, t, c = sp.symbols("x t c", real=True)
     >>> logistic = System({x: 0*x}, time=t, parameters={c: 3}, events=[Event(every=1, update={x: c*x*(1 - x)})])
     >>> shown = orbit_diagram(logistic, c, [2.5, 3.2], {x: 0.3}, 1, carry=True, keep=4)

@@ -12,11 +12,13 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from ..door import checks
+from ..door.documenting import complete
 from ..results.solution import Solution, _is_slip_velocity
 
 NOT_RUN = -128  # outcome of a point that has not run
 
 
+@complete
 class Window(NamedTuple):
     """The part of an orbit that is measured, and the times at which it is strobed.
 
@@ -27,10 +29,6 @@ class Window(NamedTuple):
     strobed : bool
         Whether there is a drive or a section.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth.sweep import Window
     >>> window = Window(np.array([10.0, 12.0, 14.0]), strobed=True)
     >>> window.start, window.end, window.periods
     (10.0, 14.0, 2)
@@ -73,15 +71,10 @@ class Measure:
     The class attribute `compiled` says whether the compiled ensemble knows it (`gather`), `bits` which numbers of its
     quantities the ensemble has to keep (1 extremes, 2 integrals).
 
-    Examples
-    --------
     The time at which an orbit first crosses a surface, of every point of a sweep:
 
     >>> from dataclasses import dataclass
-    >>> import sympy as sp
-    >>> from pwsmooth import System, sweep
     >>> from pwsmooth.sweep.contract import real
-    >>> from pwsmooth.sweep import Measure
     >>> @dataclass(frozen=True)
     ... class FirstCrossing(Measure):
     ...     compiled = False
@@ -114,11 +107,6 @@ class Measure:
     def variables(self, setting: Any) -> dict[str, Variable]:
         """The variables of the Dataset that it fills.
 
-        Parameters
-        ----------
-        setting : Setting
-            Names, letters, units and periods of the sweep.
-
         Returns
         -------
         dict of str to Variable
@@ -133,8 +121,6 @@ class Measure:
         ----------
         orbits : Orbits
             The ensemble's arrays, one row a point.
-        setting : Setting
-            Names, letters, units and periods of the sweep.
 
         Returns
         -------
@@ -152,8 +138,6 @@ class Measure:
             Of one point.
         window : Window
             What is measured of it.
-        setting : Setting
-            Names, letters, units and periods of the sweep.
 
         Returns
         -------

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..door import calls, checks
+from ..door.documenting import complete
 from ..noise.diffusion import Diffusion
 from ..noise.diffusion_run import DiffusionRun, Path
 from ..noise.kicks import Kicks
@@ -25,6 +26,7 @@ __all__ = ["Ensemble", "ensemble"]
 _VISIT = 0.1  # s of compiled code between two looks at the keyboard
 
 
+@complete
 @dataclass(frozen=True)
 class Ensemble:
     """Many trajectories of one system with noise.
@@ -44,10 +46,6 @@ class Ensemble:
     states : tuple of str
         Names of the states.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import Diffusion, System, ensemble
     >>> x = sp.Symbol("x")
     >>> noise = Diffusion({x: 1}, step=1 / 16, seed=1)
     >>> many = ensemble(System({x: -x}), (0, 1), {x: 0}, noise, 5, t_eval=[0.5, 1.0])
@@ -128,12 +126,8 @@ def ensemble(
     ValueError, TypeError
         As `solve`; starts of a wrong shape.
 
-    Examples
-    --------
     The stationary variance of dx = -x dt + dW is 1/2:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import Diffusion, System, ensemble
     >>> x = sp.Symbol("x")
     >>> many = ensemble(System({x: -x}), (0, 4), {x: 0}, Diffusion({x: 1}, step=1 / 16, seed=1), 2000)
     >>> bool(abs(many.end.var() - 0.5) < 0.1)

@@ -34,11 +34,6 @@ class Function(Measure):
     units : mapping of str to str, optional
         Of the variables.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, sweep
-    >>> from pwsmooth.sweep import Function
     >>> x, k = sp.symbols("x k", nonnegative=True)
     >>> last = Function(lambda solution: solution["x"][-1], names="last", units={"last": "m"})
     >>> found = sweep(System({x: -k * x}, parameters={k: 1}), {"k": [0.0, 1.0]}, start={"x": 1}, t_span=(0, 1),
@@ -112,12 +107,6 @@ class Cost(Measure):
     -----
     Integrals are as exact as the run's dense output.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, sweep
-    >>> from pwsmooth.costs import final, integral
-    >>> from pwsmooth.sweep import Cost
     >>> x = sp.Symbol("x", real=True)
     >>> k = sp.Symbol("k", positive=True)
     >>> found = sweep(System({x: -k * x}, parameters={k: 1}), {"k": [1.0, 2.0]}, start={"x": 1}, t_span=(0, 1),
@@ -166,15 +155,8 @@ class Cost(Measure):
 class Lyapunov(Measure):
     """The variable `lyapunov`: the largest Lyapunov exponent, averaged over the window, in units of 1/time.
 
-    Notes
-    -----
     Source: as `largest_exponent` of `pwsmooth.analysis`.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, sweep
-    >>> from pwsmooth.sweep import Lyapunov
     >>> x, k = sp.symbols("x k", positive=True)
     >>> found = sweep(System({x: -k * x}, parameters={k: 1}), {"k": [0.5, 1.0]}, start={"x": 1}, t_span=(0, 20),
     ...               measures=[Lyapunov()])

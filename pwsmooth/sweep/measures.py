@@ -43,10 +43,6 @@ class Sticks(Measure):
     Sliding counts as stuck, of a contact being closed; a stick is counted in the period in which it begins. Of
     several switches both have the dimension `switch`.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, sweep
     >>> t, y, v = sp.symbols("t y v", real=True)
     >>> sigma = sp.Symbol("sigma", positive=True)
     >>> block = System({y: v, v: -sigma * sp.sin(t) - 3 * y - sp.sign(v)}, time=t, parameters={sigma: 1})
@@ -104,11 +100,6 @@ class Points(Measure):
     names : tuple of str
         The states.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, sweep
-    >>> from pwsmooth.sweep import Points
     >>> t, x = sp.symbols("t x", real=True)
     >>> found = sweep(System({x: sp.cos(t) - x}, time=t), {"x": [0.0, 3.0]}, period=2 * sp.pi, transient=5,
     ...               measures=[Points("x", last=2)])
@@ -159,10 +150,6 @@ class Points(Measure):
 class Counts(Measure):
     """The variables `events` and `steps`: how many events are inside the window, how many steps the whole orbit took.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, sweep
     >>> x, v = sp.symbols("x v", real=True)
     >>> block = System({x: v, v: -x - sp.sign(v)})
     >>> found = sweep(block, {"x": [1.5, 3.5]}, start={"v": 0}, t_span=(0, 10), measures=["counts"])
@@ -214,9 +201,6 @@ def measure_from_text(text: str) -> Measure:
     ValueError
         No such measure, or arguments that it does not take.
 
-    Examples
-    --------
-    >>> from pwsmooth.sweep.measures import measure_from_text
     >>> measure_from_text("amplitude(y)")
     Amplitude(names=('y',))
     """

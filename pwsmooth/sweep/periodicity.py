@@ -31,13 +31,8 @@ class Period(Measure):
     tol : float, dimensionless
         How nearly the state must repeat.
 
-    Examples
-    --------
     The logistic map has period 1, 2, 4, and none that is so short:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, sweep
-    >>> from pwsmooth.sweep import Period
     >>> t, x, c = sp.symbols("t x c", real=True)
     >>> jump = Event(sp.sin(2 * sp.pi * t - 1), direction=1, update={x: c * x * (1 - x)})
     >>> logistic = System({x: 0 * x}, time=t, parameters={c: 3}, events=[jump])
@@ -109,11 +104,6 @@ class Itinerary(Measure):
     a fixed order, so that one orbit has one word whatever its phase. "aperiodic" where `period` is 0, "..." where
     more than 32 segments make the word. Without a drive or a section it is the word of the whole window.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, sweep
-    >>> from pwsmooth.sweep import Itinerary
     >>> x, v = sp.symbols("x v", real=True)
     >>> block = System({x: v, v: -x - sp.sign(v)})
     >>> found = sweep(block, {"x": [1.5, 3.5]}, start={"v": 0}, t_span=(0, 10), measures=[Itinerary()])

@@ -57,17 +57,7 @@ class OfQuantities(Measure):
 class Extremes(OfQuantities):
     """The variables `<name>_min` and `<name>_max`, over the window and between steps too.
 
-    Parameters
-    ----------
-    *names : str or Symbol
-        States, multipliers or outputs.
-
-    Examples
-    --------
     >>> import math
-    >>> import sympy as sp
-    >>> from pwsmooth import System, sweep
-    >>> from pwsmooth.sweep import Extremes
     >>> x, v = sp.symbols("x v", real=True)
     >>> found = sweep(System({x: v, v: -x}), {"x": [1.0, 2.0]}, start={"v": 0}, t_span=(0, 10),
     ...               measures=[Extremes("x")])
@@ -88,16 +78,6 @@ class Extremes(OfQuantities):
 class Amplitude(OfQuantities):
     """The variable `<name>_amplitude`: half the distance from minimum to maximum over the window.
 
-    Parameters
-    ----------
-    *names : str or Symbol
-        States, multipliers or outputs.
-
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, sweep
-    >>> from pwsmooth.sweep import Amplitude
     >>> x, v = sp.symbols("x v", real=True)
     >>> found = sweep(System({x: v, v: 1 - x}), {"x": [1.5, 2.0]}, start={"v": 0}, t_span=(0, 10),
     ...               measures=[Amplitude("x")])
@@ -125,12 +105,6 @@ class Statistics(OfQuantities):
     *names : str or Symbol
         States, multipliers or outputs (forces).
 
-    Examples
-    --------
-    >>> import math
-    >>> import sympy as sp
-    >>> from pwsmooth import System, sweep
-    >>> from pwsmooth.sweep import Statistics
     >>> x, v = sp.symbols("x v", real=True)
     >>> found = sweep(System({x: v, v: -x}), {"x": [1.0, 2.0]}, start={"v": 0}, t_span=(0, 4 * math.pi),
     ...               measures=[Statistics("x")])

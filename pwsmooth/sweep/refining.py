@@ -54,11 +54,6 @@ class SweepPlan:
     where : Axes
         The points.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.sweep import make_plan
     >>> x, a = sp.symbols("x a", real=True)
     >>> decay = System({x: -a * x}, parameters={a: 1})
     >>> plan = make_plan(decay, {a: [1, 2, 3], x: [1, 2]}, t_span=(0, 1), measures=["counts"])
@@ -146,24 +141,12 @@ def make_plan(
         A grid, in the units of the model.
     points : mapping of name to sequence of float, all of one length
         A list of points, in the units of the model.
-    start : mapping of state to float, or sequence of float, length n
-        Initial values of the states that are not swept, in their units.
     measures : sequence of Measure, str or callable
         What is kept of each orbit.
     period : float or Expr, in the unit of the model's time
         Of the drive.
     section : Expr
         Instead of it, a surface that an autonomous system crosses.
-    direction : {1, -1}
-        The section is crossed with h rising or falling.
-    longest_return : float, in the unit of the model's time
-        How long an orbit may be on its way to the section.
-    transient, periods : int
-        Of the drive, or returns: unseen, and measured.
-    t_span : (float, float), in the unit of the model's time
-        Without a drive or a section: the span of a run.
-    measure_from : float, in the unit of the model's time
-        With `t_span`: where in the span measuring begins.
     units : mapping of name to str
         Of parameters, states, outputs and time.
     noise : Kicks or Diffusion, optional
@@ -181,11 +164,6 @@ def make_plan(
     ValueError, TypeError
         Bad input, as `sweep` says it.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.sweep import make_plan
     >>> x, a = sp.symbols("x a", real=True)
     >>> decay = System({x: -a * x}, parameters={a: 1})
     >>> make_plan(decay, {a: [1, 2, 3]}, start={x: 1}, t_span=(0, 1), measures=["counts"]).size
@@ -237,8 +215,6 @@ def refine(
         Numbers of the points to run, in this order; by default all of them, so that each chunk spreads over the whole
         range of every axis (van der Corput's sequence). Of an iterator no more is taken than a chunk needs: what comes
         later may follow from what was found.
-    budget : float, s, optional
-        Of processor time, after which no further chunk begins.
     settle : float, dimensionless, optional
         With a period of a drive and the measures `Points` and `Period` alone: an orbit whose last 32 strobes of 50
         repeat within settle (1 + abs(x)), less and less or evenly so, is finished then, and its later points are those
@@ -260,14 +236,8 @@ def refine(
     -----
     A settled orbit that still creeps, by less than settle a period, is off by that times the periods that are left out.
 
-    Examples
-    --------
     A period doubling, seen after the first chunk:
 
-    >>> import numpy as np
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System
-    >>> from pwsmooth.sweep import Points, make_plan, refine
     >>> x, t, c = sp.symbols("x t c", real=True)
     >>> clock = Event(sp.sin(2 * sp.pi * t - 1), direction=1, update={x: c * x * (1 - x)})
     >>> logistic = System({x: 0*x}, time=t, parameters={c: 3}, events=[clock])

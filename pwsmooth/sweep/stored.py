@@ -52,12 +52,6 @@ def read_store(path: Any) -> xarray.Dataset:
     UserWarning
         A chunk is damaged; or the store was made before stores had checksums, so that damage would not be noticed.
 
-    Examples
-    --------
-    >>> import tempfile
-    >>> import sympy as sp
-    >>> from pwsmooth import System, sweep
-    >>> from pwsmooth.sweep import read_store
     >>> x, k = sp.symbols("x k", positive=True)
     >>> path = tempfile.mkdtemp() + "/decay.zarr"
     >>> found = sweep(System({x: -k * x}, parameters={k: 1}), {"k": [0.5, 1.0]}, start={"x": 1}, t_span=(0, 1),

@@ -27,9 +27,6 @@ class Check:
     tolerance : float, in the unit of the quantity
         Largest abs(computed - exact) that agrees; 0 for counts.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare.exact import Check
     >>> Check("half a turn, rad", 3.14159, 3.141592653589793, 1e-5).holds
     True
     """
@@ -66,12 +63,6 @@ class ExactProblem:
     answer : callable
         () -> iterable of Check; solves the problem.
 
-    Examples
-    --------
-    >>> import math
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
-    >>> from pwsmooth.compare.exact import Check, ExactProblem, verify
     >>> def decay():
     ...     x = sp.Symbol("x", real=True)
     ...     end = solve(System({x: -x}), (0, 1), {x: 1})["x"][-1]

@@ -11,11 +11,13 @@ import time
 from collections.abc import Callable, Sequence
 
 from ...door import checks
+from ...door.documenting import complete
 from .contract import ExactProblem, Verdict
 
 __all__ = ["problems", "verify"]
 
 
+@complete
 def problems() -> dict[str, ExactProblem]:
     """Every built-in problem by its name.
 
@@ -24,13 +26,8 @@ def problems() -> dict[str, ExactProblem]:
     dict of str to ExactProblem
         In the order of `pwsmooth verify`.
 
-    Notes
-    -----
     Source: each problem has its own.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare.exact import problems
     >>> "hidden-term" in problems()
     True
     """
@@ -67,13 +64,8 @@ def verify(
     ValueError
         An unknown name.
 
-    Notes
-    -----
     Source: each problem has its own; it is `pwsmooth verify`.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare.exact import verify
     >>> all(verdict.holds for verdict in verify(["hidden-term"]))
     True
     """

@@ -61,9 +61,6 @@ class Finding:
     ValueError
         `kind` is none of `KINDS`.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare.hazards import Finding
     >>> Finding("drift", 1e-3).kind
     'drift'
     """

@@ -46,9 +46,6 @@ class Axis:
     words : tuple of str
         Names of the values where they are cases and no numbers.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare.hazards import Axis
     >>> len(Axis("step h (s)", (1e-3, 1e-2, 1e-1)))
     3
     """
@@ -89,8 +86,6 @@ class Hazard:
     --------
     A hazard of one's own: Euler's method on x' = -100 x.
 
-    >>> from pwsmooth.compare import stability
-    >>> from pwsmooth.compare.hazards import Axis, Finding, Hazard
     >>> def euler(h, row):
     ...     return Finding("energy growth" if abs(1 - 100 * h) > 1 else "right")
     >>> mine = Hazard("decay", "x' = -100 x", Axis("h (s)", (0.005, 0.01, 0.05)), Axis("", (0.0,)),

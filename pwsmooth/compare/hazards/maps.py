@@ -82,9 +82,6 @@ def stability(
     -----
     Each hazard's file says where its border comes from.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare import stability
     >>> bristles = stability("lugre", ["explicit Euler"], fast=True)
     >>> sorted(bristles.tally("explicit Euler"))[-1]
     'right'

@@ -46,9 +46,6 @@ class StabilityMap:
     seconds : float
         Processor time, in units of s.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare import stability
     >>> kicked = stability("noise", fast=True)
     >>> kicked.methods
     ('smoothed path', 'event-driven')
@@ -78,11 +75,6 @@ class StabilityMap:
     def total(self, method: str) -> np.ndarray:
         """Runs of a method.
 
-        Parameters
-        ----------
-        method : str
-            One of `methods`.
-
         Returns
         -------
         ndarray of int
@@ -92,11 +84,6 @@ class StabilityMap:
 
     def failed(self, method: str) -> np.ndarray:
         """Runs of a method that failed.
-
-        Parameters
-        ----------
-        method : str
-            One of `methods`.
 
         Returns
         -------
@@ -108,11 +95,6 @@ class StabilityMap:
     def tally(self, method: str) -> dict[str, int]:
         """Runs of each kind over the whole map.
 
-        Parameters
-        ----------
-        method : str
-            One of `methods`.
-
         Returns
         -------
         dict of str to int
@@ -123,11 +105,6 @@ class StabilityMap:
 
     def agreement(self, method: str) -> float:
         """How far theory and measurement agree.
-
-        Parameters
-        ----------
-        method : str
-            One of `methods`.
 
         Returns
         -------

@@ -67,9 +67,6 @@ def setting_of(scene: str | Setting) -> Setting:
     ValueError, TypeError
         An unknown name; something that is neither.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare.ladders import setting_of
     >>> setting_of("impact").title
     'free impact'
     """

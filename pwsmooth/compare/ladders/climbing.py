@@ -74,9 +74,6 @@ def ladder(
     ValueError, TypeError
         An unknown scene or observable, a tolerance that is not positive.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare import ladder
     >>> found = ladder("forced oscillator", "amplitude", "1%")
     >>> found.recommended
     'Coulomb'

@@ -67,10 +67,6 @@ def contact_rungs(richest: Law, build: Callable[[Law], Scene], speed: float, mas
 
     Parameters
     ----------
-    richest : Law
-        `HertzImpact`, `LinearResidual` or `ResidualIndentation`.
-    build : callable
-        Law -> Scene.
     speed : float, m/s
         Of the impact at which they are matched, > 0.
     mass : float, kg
@@ -90,11 +86,6 @@ def contact_rungs(richest: Law, build: Callable[[Law], Scene], speed: float, mas
     -----
     Restitution and work of slow loading are those of a free impact of the richest law.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare.ladders import contact_rungs
-    >>> from pwsmooth.laws.contact import ResidualIndentation
-    >>> from pwsmooth.scenes import falling_ball
     >>> [rung.name for rung in contact_rungs(ResidualIndentation(), falling_ball, speed=1.0, mass=1.0)]
     ['rigid impact', 'Hertz with damping', 'linear with residual']
     """
@@ -136,33 +127,16 @@ def contact_setting(
 
     Parameters
     ----------
-    name, title : str
-        For the command line, and in words.
-    richest : Law
-        `HertzImpact`, `LinearResidual` or `ResidualIndentation`.
-    build : callable
-        Law -> Scene.
-    observables : sequence of Observable
-        What can be asked for by name.
     speed : float, m/s
         Of the first impact.
     mass : float, kg
         Of the first impact.
-    window : (float, float), s
-        Span that the observables look at.
-    points : int
-        Samples of the window.
 
     Returns
     -------
     Setting
         For `ladder`.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare.ladders import contact_setting, end_value
-    >>> from pwsmooth.laws.contact import LinearResidual
-    >>> from pwsmooth.scenes import free_impact
     >>> wall = contact_setting("wall", "a wall", LinearResidual(), lambda law: free_impact(law, t_span=(0, 0.2)),
     ...                        [end_value("speed", "v", "m/s")], speed=1.0, window=(0.0, 0.2))
     >>> wall.richest.name, wall.observable("speed").unit

@@ -139,8 +139,6 @@ def friction_rungs(richest: Law, build: Callable[[Law], Scene], speed: float) ->
     ----------
     richest : Law
         A law with a steady curve.
-    build : callable
-        Law -> Scene.
     speed : float, in the velocity unit of the law
         Typical speed of sliding, > 0, at which laws with one level take it.
 
@@ -158,11 +156,6 @@ def friction_rungs(richest: Law, build: Callable[[Law], Scene], speed: float) ->
     -----
     Levels, stiffness and damping are those of the richest law's steady and virgin curves.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare.ladders import friction_rungs
-    >>> from pwsmooth.laws.friction import LuGre
-    >>> from pwsmooth.scenes import block_on_belt
     >>> [rung.name for rung in friction_rungs(LuGre(), block_on_belt, speed=0.1)]
     ['Coulomb', 'static + kinetic', 'Stribeck curve', 'Dahl']
     """
@@ -195,31 +188,18 @@ def friction_setting(
 
     Parameters
     ----------
-    name, title : str
-        For the command line, and in words.
     richest : Law
         The most complete one, with a steady curve.
-    build : callable
-        Law -> Scene.
-    observables : sequence of Observable
-        What can be asked for by name.
     window : (float, float), s
         Span that the observables look at, and over which the typical speed is the root mean square of the slip.
     velocity : str
         Name of the slip velocity in the scene.
-    points : int
-        Samples of the window.
 
     Returns
     -------
     Setting
         For `ladder`.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare.ladders import friction_setting, peak
-    >>> from pwsmooth.laws.friction import XKY
-    >>> from pwsmooth.scenes import block_on_belt
     >>> belt = friction_setting("slow belt", "a slow belt", XKY(), lambda law: block_on_belt(law, pull=0.05),
     ...                         [peak("top speed", "v", "m/s")], window=(20.0, 35.0))
     >>> belt.richest.name, belt.observable("top speed").unit

@@ -78,9 +78,6 @@ def judge(distance: float, bar: float, tolerance: float) -> str:
     str
         "within", "outside" or "undecided".
 
-    Examples
-    --------
-    >>> from pwsmooth.compare.ladders import judge
     >>> [judge(distance, 0.1, 1.0) for distance in (0.5, 0.95, 2.0)]
     ['within', 'undecided', 'outside']
     """
@@ -97,8 +94,6 @@ def recommend(steps: Sequence[Step], tolerance: float) -> tuple[str | None, str]
     ----------
     steps : sequence of Step
         Judged, poorest first, the last the richest.
-    tolerance : float, in the unit of the observable
-        Largest distance that is accepted.
 
     Returns
     -------
@@ -109,10 +104,6 @@ def recommend(steps: Sequence[Step], tolerance: float) -> tuple[str | None, str]
     -----
     The cheapest rung that is surely within the tolerance; of rungs that cost the same the poorer one.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth.compare.ladders import Step, recommend
     >>> cheap = Step("Coulomb", "", np.array(1.0), 0.0, 0.0, seconds=1e-3, steps=9, verdict="within")
     >>> rich = Step("LuGre", "", np.array(1.0), 0.0, 0.0, seconds=1e-2, steps=90, verdict="richest")
     >>> recommend([cheap, rich], 0.1)[0]

@@ -136,10 +136,6 @@ def curve(name: str, of: str, unit: str, points: int = 400) -> Observable:
 
     Parameters
     ----------
-    name : str
-        Of the observable.
-    of : str
-        Name of the quantity in the motion.
     unit : str
         Of its value.
     points : int
@@ -150,9 +146,6 @@ def curve(name: str, of: str, unit: str, points: int = 400) -> Observable:
     Observable
         Its value has shape (points,).
 
-    Examples
-    --------
-    >>> from pwsmooth.compare.ladders import curve
     >>> curve("whole", "x", "m", points=4).measure(lambda t, name: 2 * t, (0.0, 4.0), 11).tolist()
     [1.0, 3.0, 5.0, 7.0]
     """
@@ -183,10 +176,6 @@ def period(name: str, of: str, level: float, unit: str = "s") -> Observable:
 
     Parameters
     ----------
-    name : str
-        Of the observable.
-    of : str
-        Name of the quantity in the motion.
     level : float, in the unit of the quantity
         Which it passes.
     unit : str
@@ -197,10 +186,6 @@ def period(name: str, of: str, level: float, unit: str = "s") -> Observable:
     Observable
         The instants are found by bisection.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth.compare.ladders import period
     >>> round(period("period", "x", 0.5).measure(lambda t, name: np.sin(t), (0.0, 20.0), 101), 6)
     6.283185
     """
@@ -218,10 +203,6 @@ def share_below(name: str, of: str, level: float) -> Observable:
 
     Parameters
     ----------
-    name : str
-        Of the observable.
-    of : str
-        Name of the quantity in the motion.
     level : float, in the unit of the quantity
         It is small where its absolute value is at most this.
 
@@ -230,9 +211,6 @@ def share_below(name: str, of: str, level: float) -> Observable:
     Observable
         Between 0 and 1.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare.ladders import share_below
     >>> round(share_below("slow", "v", 0.5).measure(lambda t, name: t, (-1.0, 1.0), 101), 6)
     0.5
     """

@@ -33,10 +33,6 @@ class Ladder:
     ----------
     scene, title : str
         Of the setting.
-    observable : Observable
-        What was looked at.
-    tolerance : float, in the unit of the observable
-        Largest distance that is accepted.
     steps : tuple of Step
         Poorest first, the last the richest.
     recommended : str or None
@@ -44,9 +40,6 @@ class Ladder:
     reason : str
         The recommendation in words.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare import ladder
     >>> found = ladder("impact", "restitution", "1%", repeats=1)
     >>> [step.verdict for step in found.steps]
     ['within', 'within', 'outside', 'richest']
@@ -68,10 +61,6 @@ class Ladder:
         ----------
         setting : Setting
             Whose name and title it takes.
-        observable : Observable
-            What was looked at.
-        tolerance : float, in the unit of the observable
-            Largest distance that is accepted.
         steps : sequence of Step
             Measured, poorest first.
 

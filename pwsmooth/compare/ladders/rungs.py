@@ -16,23 +16,21 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...door import checks
+from ...door.documenting import complete
 from ...laws import Law
 from ...scenes import Scene
 
 __all__ = ["Motion", "Observable", "Rung", "Setting"]
 
 
+@complete
 class Motion(Protocol):
     """What observables look at: called with times and a name it gives that quantity.
 
     A `Solution` with dense output is one; so is a model in closed form.
 
-    Examples
-    --------
     A closed form as the motion of an observable:
 
-    >>> import numpy as np
-    >>> from pwsmooth.compare.ladders import amplitude
     >>> class Swing:
     ...     def __call__(self, t, name=None):
     ...         return np.cos(t)
@@ -44,6 +42,7 @@ class Motion(Protocol):
         """Values of one quantity at times."""
 
 
+@complete
 @dataclass(frozen=True)
 class Rung:
     """One model of a ladder.
@@ -61,11 +60,6 @@ class Rung:
     samples : int
         Trajectories of a noisy rung.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare.ladders import Rung
-    >>> from pwsmooth.laws.friction import Coulomb
-    >>> from pwsmooth.scenes import block_on_belt
     >>> Rung("Coulomb", lambda: block_on_belt(Coulomb()), "F_c = 1 N, given").samples
     1
     """
@@ -83,6 +77,7 @@ def top_rung(names: Mapping[str, str], richest: Law, build: Callable[[Law], Scen
     return Rung(names.get(kind, kind), lambda: build(richest), "the richest law's own")
 
 
+@complete
 @dataclass(frozen=True)
 class Observable:
     """A quantity of a motion.
@@ -95,9 +90,6 @@ class Observable:
         (motion, window, points) -> float, or ndarray of fixed shape for a curve. `points` is the number of samples
         that it may take of the window; the ladder asks for twice as many where it wants the error.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare.ladders import Observable
     >>> end = Observable("end", "m", "position at the end", lambda motion, window, points: motion(window[1], "x"))
     >>> end.measure(lambda t, name: 2 * t, (0.0, 3.0), 101)
     6.0
@@ -116,23 +108,14 @@ class Setting:
 
     Attributes
     ----------
-    name, title : str
-        For the command line, and in words.
     richest : Rung
         The most complete model.
     coarser : callable
         Motion of the richest rung -> the other rungs, poorest first: typical speeds, restitutions and depths, at
         which the laws are matched, are read off that motion.
-    observables : sequence of Observable
-        What can be asked for by name.
-    window : (float, float), s
-        Span that the observables look at.
     points : int
         Samples of the window for the coarse measurement.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare.ladders import setting_of
     >>> setting = setting_of("impact")
     >>> [observable.name for observable in setting.observables]
     ['restitution', 'duration', 'top indentation', 'top force']

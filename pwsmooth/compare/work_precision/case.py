@@ -89,9 +89,6 @@ class Case:
     counted : tuple of str
         Kinds of events that make the itinerary.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare import CASES
     >>> case = CASES["relay"]
     >>> case.t_end, [f"{end:.2f}" for end in case.ends]
     (4.0, ['1.24', '2.88', '4.00'])
@@ -241,11 +238,6 @@ def case_of(
     ValueError
         A span that does not begin at 0.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare import case_of
-    >>> from pwsmooth.laws.friction import StaticKinetic
-    >>> from pwsmooth.scenes import block_on_belt
     >>> case = case_of(block_on_belt(StaticKinetic()), t_end=10.0)
     >>> case.name, case.longest
     ('block on a belt, StaticKinetic', 0.05)

@@ -51,10 +51,6 @@ def plot_work(
     ----------
     points : sequence of Point
         Of one case.
-    axes : Axes
-        Where to draw.
-    work : {"seconds", "evaluations"}
-        The horizontal axis.
     methods : iterable of str, optional
         Those that are drawn; all by default.
     label : bool
@@ -63,16 +59,12 @@ def plot_work(
     Returns
     -------
     Axes
-        The same.
+        Where it was drawn.
 
     Notes
     -----
     Open marks are wrong itineraries.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare import work_precision
-    >>> from pwsmooth.compare.work_precision.charts import plot_work
     >>> from pwsmooth.plotting import new_figure
     >>> data = work_precision("relay", ["event-driven"], [1e-6, 1e-9], repeats=1)
     >>> plot_work(data, new_figure().subplots()).get_ylabel()
@@ -121,14 +113,8 @@ def envelope(line: Sequence[Point], work: str = "seconds") -> list[Point]:
     list of Point
         Of increasing work and falling error.
 
-    Notes
-    -----
     Source: the Pareto front.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare import work_precision
-    >>> from pwsmooth.compare.work_precision.charts import envelope
     >>> data = work_precision("relay", ["event-driven"], [1e-6, 1e-9], repeats=1)
     >>> errors = [point.error for point in envelope(data, "evaluations")]
     >>> errors == sorted(errors, reverse=True)
@@ -154,20 +140,12 @@ def plot_orders(points: Sequence[Point], axes: Any, *, error: float = 1e-9) -> A
     ----------
     points : sequence of Point
         Of several cases, of the event-driven path at its orders and at the one that it chooses from the tolerance.
-    axes : Axes
-        Where to draw.
-    error : float, dimensionless
-        Of the state, in units of its sizes.
 
     Returns
     -------
     Axes
-        The same.
+        Where it was drawn.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare import work_precision
-    >>> from pwsmooth.compare.work_precision.charts import plot_orders
     >>> from pwsmooth.plotting import new_figure
     >>> methods = ["event-driven", "event-driven, order 8", "event-driven, order 20"]
     >>> data = work_precision("relay", methods, [1e-12], repeats=1)
@@ -204,17 +182,12 @@ def best_width(points: Iterable[Point], error: float) -> Point | None:
     ----------
     points : iterable of Point
         Of one case.
-    error : float, dimensionless
-        Of the state, in units of its sizes.
 
     Returns
     -------
     Point or None
         None if no run is so good.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare.work_precision.charts import best_width
     >>> best_width([], 1e-3) is None
     True
     """
@@ -232,8 +205,6 @@ def plot_widths(
     ----------
     points : sequence of Point
         Of several cases.
-    axes : Axes
-        Where to draw.
     method : str
         A method whose setting is (eps, rtol).
     what : {"eps", "seconds"}
@@ -242,11 +213,8 @@ def plot_widths(
     Returns
     -------
     Axes
-        The same.
+        Where it was drawn.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare.work_precision.charts import plot_widths
     >>> from pwsmooth.plotting import new_figure
     >>> plot_widths([], new_figure().subplots()).get_xlabel()
     'error asked for'

@@ -15,16 +15,15 @@ from typing import Any
 import numpy as np
 
 from ...door import checks
+from ...door.documenting import complete
 from .case import Case
 from .plain import happenings
 
 
+@complete
 class CannotDo(Exception):
     """The method has no form for this case; the text says why.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare import CASES, METHODS
     >>> METHODS["smoothed, algebraic"].runner(CASES["ball"], (1e-3, 1e-6))
     Traceback (most recent call last):
         ...
@@ -32,6 +31,7 @@ class CannotDo(Exception):
     """
 
 
+@complete
 @dataclass(frozen=True)
 class Run:
     """What one run of a method gave.
@@ -46,9 +46,6 @@ class Run:
     evaluations : int
         Of the right-hand side; a Taylor polynomial of order K counts K + 1.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare import CASES, METHODS
     >>> run = METHODS["event-driven"].runner(CASES["relay"], 1e-9)(1.0)
     >>> [(f"{time:.6f}", kind) for time, kind in run.log()]
     [('0.471117', 'stick')]
@@ -104,9 +101,6 @@ class Method:
     options : str
         How it is tuned, in words.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare import METHODS
     >>> method = METHODS["DOP853, restarted"]
     >>> method.group, method.knob, method.options
     ('SciPy', 'rtol', 'terminal events, longest step bounded, right-hand side compiled')

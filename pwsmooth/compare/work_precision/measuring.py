@@ -72,9 +72,6 @@ def work_precision(
     RuntimeError
         The two methods of a reference disagree.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare import work_precision
     >>> data = work_precision("relay", ["event-driven"], [1e-6, 1e-9], repeats=1)
     >>> [(point.itinerary, point.error < point.setting) for point in data]
     [('right', True), ('right', True)]

@@ -27,9 +27,6 @@ class WorkPrecision(list[Point]):
     references : dict of str to dict
         Of every case the source of its reference, its uncertainty and its number of events.
 
-    Examples
-    --------
-    >>> from pwsmooth.compare import work_precision
     >>> data = work_precision("relay", ["event-driven"], [1e-6, 1e-9], repeats=1)
     >>> len(data), data.references["relay"]["source"]
     (2, 'closed form')
@@ -63,8 +60,6 @@ class WorkPrecision(list[Point]):
 
         Parameters
         ----------
-        error : float, dimensionless
-            Of the state, in units of its sizes.
         work : {"seconds", "evaluations"}
             What is least.
 
@@ -87,8 +82,6 @@ class WorkPrecision(list[Point]):
         ----------
         axes : Axes, optional
             Where to draw; of a new figure by default.
-        work : {"seconds", "evaluations"}
-            The horizontal axis.
 
         Returns
         -------

@@ -33,8 +33,6 @@ class Histogram:
     ----------
     of : str
         "waiting", or the name of a state of the element, such as "v", which is taken after the event.
-    edges : array_like, shape (nb + 1,), in the unit of what is counted
-        Ascending: of the classes a <= value < b.
     surface : str, optional
         The switch, contact or event that is looked at; by default all of them.
     kind : str, optional
@@ -45,10 +43,6 @@ class Histogram:
     ValueError, TypeError
         Edges that do not ascend, or fewer than two.
 
-    Examples
-    --------
-    >>> from pwsmooth import Histogram, Recorder
-    >>> from pwsmooth.scenes import granular_chain
     >>> waits = Histogram("waiting", [0, 1, 10, 100], kind="impact")
     >>> chain = granular_chain(n=60, restitution=0.9, gap=0.05, t_span=(0, 60))
     >>> run = chain.solve(record=Recorder(statistics={"waits": waits}, keep_events=False))
@@ -81,8 +75,6 @@ class SlipHistogram:
     of : str
         "length" of each slip; or of avalanches "moment" (the sum of these), "area" (how many elements), "slips" (how
         many), "duration".
-    edges : array_like, shape (nb + 1,), in the unit of what is counted
-        Ascending: of the classes a <= value < b.
     state : str, optional
         The displacement whose change is the length of a slip; by default the first state.
     drift : float, in units of the state over time
@@ -100,11 +92,6 @@ class SlipHistogram:
     Not counted is what had begun before the run or does not end with it. What slips without end keeps its avalanche
     in memory.
 
-    Examples
-    --------
-    >>> from pwsmooth import Recorder, SlipHistogram
-    >>> from pwsmooth.laws.friction import StaticKinetic
-    >>> from pwsmooth.scenes import block_train
     >>> train = block_train(StaticKinetic(F_s=1.3), n=100, t_span=(0, 40))
     >>> areas = SlipHistogram("area", [1, 2, 5, 101])
     >>> run = train.solve(record=Recorder(statistics={"areas": areas}, keep_events=False))
@@ -147,10 +134,6 @@ class Activity:
     ValueError, TypeError
         A span that is not positive.
 
-    Examples
-    --------
-    >>> from pwsmooth import Activity, Recorder
-    >>> from pwsmooth.scenes import granular_chain
     >>> chain = granular_chain(n=60, restitution=0.9, gap=0.05, t_span=(0, 60))
     >>> run = chain.solve(record=Recorder(statistics={"hits": Activity(6.0, lags=2)}, keep_events=False))
     >>> run.statistics["hits"].spans, run.statistics["hits"].mean

@@ -48,12 +48,8 @@ class Family:
     layered views with a layer of their own (ratios other than infinity). Smoothed views are looped, with all of these
     but one: a layer around what a sum is in. In large families an event costs its neighbourhood alone: see `solve`.
 
-    Examples
-    --------
     Ten Maxwell-slip elements in parallel, each with its own stiffness and strength:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import Family
     >>> x, v = sp.symbols("x v", real=True)
     >>> elements = Family(10)
     >>> (f,) = elements.symbols("f")
@@ -63,7 +59,6 @@ class Family:
 
     A ring of eight elements, each driven by the one before:
 
-    >>> from pwsmooth import System, solve
     >>> ring = Family(8, periodic=True)
     >>> (y,) = ring.symbols("y")
     >>> system = System({y: ring.neighbour(y, -1) - y})
@@ -120,12 +115,9 @@ class Family:
         ValueError, TypeError
             A symbol of another family; a place that the family does not have.
 
-        Examples
-        --------
         The last of four masses pulls at a weight:
 
         >>> import sympy as sp
-        >>> from pwsmooth import Family
         >>> chain = Family(4)
         >>> (x,) = chain.symbols("x")
         >>> chain.at(x, -1), chain.at(x, slice(2, 3))
@@ -227,9 +219,6 @@ class Family:
         ValueError, TypeError
             A number that no element has.
 
-        Examples
-        --------
-        >>> from pwsmooth import Family
         >>> triangle = Family(3)
         >>> (x,) = triangle.symbols("x")
         >>> triangle.links([[2, 3], [3, 1], [1, 2]]).sum(lambda at: at(x) - x)
@@ -272,9 +261,6 @@ class Family:
         ValueError
             A shape of another number of elements.
 
-        Examples
-        --------
-        >>> from pwsmooth import Family
         >>> plate = Family(6)
         >>> (x,) = plate.symbols("x")
         >>> plate.lattice((2, 3)).sum(lambda at: at(x) - x)

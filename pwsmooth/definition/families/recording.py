@@ -43,9 +43,6 @@ class Recorder:
         Another type; a file name that is no folder of Zarr's; a checkpoint without a folder of the
         events that are kept; a folder of events that are not.
 
-    Examples
-    --------
-    >>> from pwsmooth import Recorder
     >>> Recorder(elements=[1, -1]).elements
     (1, -1)
     """

@@ -16,6 +16,7 @@ import sympy as sp
 from ...definition.model import Model
 from ...door import checks
 from ...door.describe import Described, Rows, values
+from ...door.documenting import complete
 from ...kernels.tangent.state import CORNER, GRAZES, NO_SERIES
 from ...results import outputs
 from ..limits import limits
@@ -34,6 +35,7 @@ _FARTHEST, _BESIDE, _AGREED = 1e-4, 6, 1e-6
 _SAME_INSTANT = 1e-12  # of the larger of the time and the span
 
 
+@complete
 class NoDerivative(ArithmeticError):
     """A run has no derivative from an instant on.
 
@@ -51,10 +53,6 @@ class NoDerivative(ArithmeticError):
     t, cause, reason
         As given.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
     >>> x, a = sp.symbols("x a", real=True)
     >>> run = solve(System({x: a * sp.sign(x)}, parameters={a: 1}), (0, 1), {x: 0}, with_respect_to=[a])
     >>> run.derivatives.end
@@ -69,6 +67,7 @@ class NoDerivative(ArithmeticError):
         super().__init__(f"There is no derivative from t = {t:.12g} on: {reason}{where}.")
 
 
+@complete
 class EventDerivative(NamedTuple):
     """How an event moves with k quantities.
 
@@ -84,8 +83,6 @@ class EventDerivative(NamedTuple):
     --------
     A body that friction stops: when, and where, by the friction.
 
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
     >>> x, v = sp.symbols("x v", real=True)
     >>> mu = sp.Symbol("mu", positive=True)
     >>> body = System({x: v, v: -mu * sp.sign(v)}, parameters={mu: 2})
@@ -99,6 +96,7 @@ class EventDerivative(NamedTuple):
     after: np.ndarray
 
 
+@complete
 class Sides(NamedTuple):
     """Derivatives by a quantity from either side; None where that side has none either.
 
@@ -112,8 +110,6 @@ class Sides(NamedTuple):
     --------
     A swing whose turning point touches a wall: one side misses it, on the other one the derivative has no bound.
 
-    >>> import sympy as sp
-    >>> from pwsmooth import System, Unilateral, solve
     >>> x, v = sp.symbols("x v", real=True)
     >>> wall = Unilateral(x, restitution=0.8, name="wall")
     >>> swing = System({x: v, v: 1 - x + wall.reaction})
@@ -260,16 +256,10 @@ class Derivatives(Described):
     names : tuple of str
         The k quantities, as they were given.
 
-    Notes
-    -----
     Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for events; between
     them the variational equations are solved on the run's own steps, by Taylor series or, where these are implicit, by
     collocation.
 
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
     >>> x, v = sp.symbols("x v", real=True)
     >>> mu = sp.Symbol("mu", positive=True)
     >>> body = System({x: v, v: -mu * sp.sign(v)}, parameters={mu: 2})

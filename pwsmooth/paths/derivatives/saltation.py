@@ -23,6 +23,7 @@ from itertools import chain, combinations, islice
 import numpy as np
 import sympy as sp
 
+from ...door.documenting import complete
 from ...kernels.tangent.state import CORNER, FINE, GRAZES, UNKNOWN
 from ...results.outputs import vectorised
 from ...results.solution import EventRecord, Solution
@@ -38,6 +39,7 @@ _MOST_WAYS = 32  # in which the events of one instant may have fired, of those t
 CHATTER = 1e-6  # before an accumulation, relative to the time
 
 
+@complete
 @dataclass(frozen=True)
 class Saltation:
     """What the events of one instant do to a small deviation: a matrix, or why there is none.
@@ -59,17 +61,10 @@ class Saltation:
     cause : str
         The switch, contact or event at fault, by its name.
 
-    Notes
-    -----
     Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008.
 
-    Examples
-    --------
     A crossing of x = 1, at which the speed doubles, doubles the deviation:
 
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
-    >>> from pwsmooth.analysis.maps import variations
     >>> x = sp.Symbol("x", real=True)
     >>> run = solve(System({x: 1 + sp.Heaviside(x - 1)}), (0, 2), {x: 0}, dense_output=True)
     >>> (crossing,) = variations(run).saltations
