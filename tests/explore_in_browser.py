@@ -228,6 +228,99 @@ def sliders(b: Browser, shots: Path | None) -> None:
         expect(tab.evaluate("listeners") == listeners, "listeners of the page grow as its parts are made anew")
 
 
+def fields(b: Browser, shots: Path | None) -> None:
+    """What is typed is read or has a word; a press meets its button; nothing moves under the hand; words leave again."""
+    middle = "e => { const b = e.getBoundingClientRect(); return [b.left + b.width / 2, b.top + b.height / 2, b.width]; }"
+    with served("--preset", "figure-8") as (url, _), b.tab(url) as tab:
+
+        def typed(field: str, text: str) -> None:
+            tab.fill(field, text)
+            tab.press(field, "Enter")
+            time.sleep(0.1)
+            wait(tab, IDLE)
+
+        # A decimal comma, letters, nothing.
+        typed("#c-spring-n", "1,5")
+        expect(tab.evaluate("explorer.asked.p.spring") == 1.5, "1,5 is not one and a half")
+        for text in ("abc", "", "1,5,2"):
+            typed("#c-spring-n", text)
+            expect(
+                tab.inner_text("#c-spring-w") == tab.evaluate("explorer.scene.words.number"),
+                f"no word of {text!r}",
+            )
+        typed("#c-rho-n", "2.5")
+        expect(
+            tab.input_value("#c-spring-n") == "1,5,2" and tab.is_visible("#c-spring-w"),
+            "the word leaves too early",
+        )
+        typed("#c-spring-n", "2")
+        expect(tab.is_hidden("#c-spring-w"), "the word stays")
+        # A span: refused by the page, by the system, and taken.
+        first, last = (f".pair input >> nth={k}" for k in (0, 1))
+        for text in ("-5", "abc"):
+            typed(last, text)
+            expect(
+                tab.input_value(last) == text and tab.is_visible("#c-t_span-w"),
+                f"{text} is changed without a word",
+            )
+        typed(last, "1e9")
+        expect("t_span" in tab.inner_text("#c-t_span-w"), "a span that is too long has no sentence")
+        typed(last, "50")
+        expect(tab.is_hidden("#c-t_span-w") and tab.is_hidden(".notice"), "the sentence of the span stays")
+        expect(tab.evaluate("explorer.asked.t_span") == [0, 50], "the span is not taken")
+        # A refusal that is of no field leaves with the next answer.
+        tab.evaluate("explorer.set({names: ['nothing']})")
+        wait(tab, "document.querySelector('.notice.bad')?.textContent.includes('nothing')")
+        tab.evaluate("explorer.set({names: ['y', 'v']})")
+        wait(tab, "document.querySelector('.notice').hidden", told="the notice stays")
+        wait(tab, IDLE)
+        # Reset at three places of the button, each after a slider was dragged.
+        for share in (0.2, 0.5, 0.8):
+            tab.evaluate("document.getElementById('c-omega').scrollIntoView({block: 'center'})")
+            x, y, wide = tab.eval_on_selector("#c-omega", middle)
+            tab.mouse.move(x, y)
+            tab.mouse.down()
+            tab.mouse.move(x + 0.2 * wide, y, steps=3)
+            tab.mouse.up()
+            wait(tab, IDLE)
+            expect(tab.evaluate("explorer.state.p.omega") != 1, "the drag moves nothing")
+            reset = tab.get_by_text("Reset", exact=True)
+            reset.scroll_into_view_if_needed()
+            box = reset.bounding_box()
+            tab.mouse.move(box["x"] + share * box["width"], box["y"] + share * box["height"])
+            tab.mouse.down()
+            tab.mouse.up()
+            wait(tab, IDLE)
+            expect(tab.evaluate("explorer.state.p.omega") == 1, f"the click on Reset is lost at {share} of it")
+        # The mouse passes over the sliders.
+        places = "[...document.querySelectorAll('.slider')].map(e => e.getBoundingClientRect().top)"
+        tab.evaluate("document.querySelector('aside').scrollTop = 0, document.activeElement.blur()")
+        tab.mouse.move(600, 5)
+        before = tab.evaluate(places)
+        for name in ("mass", "spring"):
+            tab.hover(f"#c-{name}")
+            expect(tab.evaluate(places) == before, f"the sliders move under the mouse, over {name}")
+        # The mechanism fills its place again after a start far away.
+        size = tab.evaluate("explorer.of('mechanism').reach")
+        for far in ("50", "1e300"):
+            typed("#c-x0\\.y-n", far)
+            typed("#c-x0\\.y-n", "0.5")
+        now = tab.evaluate("explorer.of('mechanism').reach")
+        expect(now[1] - now[0] < 3.1 * (size[1] - size[0]), f"the mechanism stays a speck: {now}")
+        # What is computed by a button says so.
+        expect(
+            tab.inner_text(".basins .empty") in ("Compute basins", "Computing ..."),
+            "an empty card without a word",
+        )
+    with served("friction_oscillator", "--law", "Dahl") as (url, _), b.tab(url) as tab:
+        expect(tab.evaluate("explorer.orbit.header.ok"), "a stiff law stops")
+        wait(tab, "document.querySelector('.diagram .empty').textContent === 'Computing ...'", 30,
+             "the diagram is empty without a word")  # fmt: skip
+        wait(tab, "document.querySelector('.diagram .empty').hidden", 120, "no column of a stiff law")
+        if shots:
+            tab.screenshot(path=shots / "dahl.desktop.png", full_page=True)
+
+
 def gestures(b: Browser, shots: Path | None) -> None:
     """Drag and click in the phase plane, time cursor, diagram, basins, keys, history."""
     with served("--preset", "figure-8") as (url, _), b.tab(url) as tab:
@@ -486,6 +579,15 @@ def ending(b: Browser, shots: Path | None) -> None:
         return found.count("explore.processes")
 
     with served("--preset", "figure-8") as (url, run):
+        tab = b.chromium.new_page()
+        tab.goto(url.split("#")[0])
+        wait(
+            tab,
+            "document.querySelector('.notice').textContent.includes('open the address')",
+            10,
+            "no word on the token",
+        )
+        tab.close()
         with b.tab(url) as tab:
             expect(children(run) >= 1, "no process of the page")
         until = time.monotonic() + 5
@@ -503,6 +605,13 @@ def ending(b: Browser, shots: Path | None) -> None:
                 told="the page does not say that its server has ended",
             )
             expect(tab.evaluate("explorer.state.p.rho") == 2.5, "the state is lost")
+            live = tab.evaluate(
+                "[...document.querySelectorAll('header .actions, aside, main')].filter(e => !e.inert).length"
+            )
+            grey = tab.evaluate("getComputedStyle(document.querySelector('main')).opacity < 0.7")
+            expect(not live and grey, "what no server answers looks alive")
+            if shots:
+                tab.screenshot(path=shots / "ended.desktop.png")
         expect(run.wait(5) == 0, "Ctrl-C gives another code than 0")
 
 
@@ -536,7 +645,7 @@ def phone(b: Browser, shots: Path | None) -> None:
 
 
 CHECKS: tuple[Callable[[Browser, Path | None], None], ...] = (
-    sliders, gestures, colours, style, links, taking, models, sections, ending, phone, views,
+    sliders, fields, gestures, colours, style, links, taking, models, sections, ending, phone, views,
 )  # fmt: skip
 
 
@@ -615,6 +724,25 @@ FAULTS: dict[str, tuple[str, str, str, str]] = {
     ),
     "a rule is read as another": ("explore/static/style.css", "  .ends *:first", "  .ends :first", "style"),
     "another law loses the mechanism's numbers": (JS, "{ ...this.state, ...part, kind:", "{ ...part, kind:", "models"),
+    "a comma is left out": (
+        "explore/static/views.js", '.replace(/^([^.,]*),([^.,]*)$/, "$1.$2")', '.replace(",", "")', "fields",
+    ),
+    "letters have no word": (JS, "if (field.odd) return this.mark(this.fields[key], this.scene.words.number);",
+                             "if (field.odd) return;", "fields"),
+    "a refused span snaps back": (JS, "if (number.odd) return this.mark({ said, number }, this.scene.words.pair);",
+                                  "if (number.odd) return (number.value = plain(pair[k]));", "fields"),
+    "notices stay": (JS, 'if (this.refused) this.tell("");', "", "fields"),
+    "the ends of sliders come and go": (
+        "explore/static/style.css", ".ends { display: flex; visibility: hidden; }\n  .slider:is(:hover, :focus-within) "
+        ".ends { visibility: visible; }", ".ends { display: none; }\n  .slider:is(:hover, :focus-within) .ends { display: "
+        "flex; }", "fields",
+    ),
+    "the mechanism stays a speck": ("explore/static/views.js", "> 3 * wide(reach)", "> 3e9 * wide(reach)", "fields"),
+    "an empty diagram has no word": (
+        "explore/static/views.js", "first.hidden = !!(job?.header || scene.alone)", "first.hidden = true", "fields",
+    ),
+    "a dead page looks alive": (JS, "part.inert = true", "part", "ending"),
+    "the script runs again": ("explore/processes.py", "if any(argument", "if True or any(argument", "test_a_script_without"),
     "a page that only looks is heard": ("explore/processes.py", "if self.subject.read_only:", "if False:", "models"),
 }  # fmt: skip
 

@@ -31,16 +31,23 @@ _MISSING = "No diagram, basins or section: "
 WORDS = {
     "keys": [
         ("Space", "play or pause"), (", .", "to the event before, after"), ("d", "orbit diagram"), ("b", "basins"),
-        ("Esc", "stop a computation"), ("Ctrl Z", "back"),
-        ("arrows", "in the phase plane: move the start; with Shift ten times"), ("?", "this list"),
+        ("Esc", "stop a computation"), ("Ctrl Z", "undo"), ("Tab", "to the next slider, field or picture"),
+        ("arrows", "a slider: its value; time series: the cursor; phase plane: the start; with Shift ten times"),
+        ("click", "time series: the cursor; phase plane, basins: the start; orbit diagram: the orbit there"),
+        ("drag", "the same, and of the orbit diagram a part that is computed anew"),
+        ("wheel", "zoom; Fit shows all again"), ("finger", "scrolls; after a rest it moves a point"),
+        ("?", "this list"),
     ],
     "figure": "Drawn by matplotlib in the package's style, with the script that makes it inside.",
     "start": "Drag the ring or click: another start. ",
     "band": "Band: it can stick there now.",
     "basins": "↻ shows which orbit each start leads to; click or drag to follow one.",
-    "picked": "Back restores the old start; this one is the diagram's, at",
+    "picked": "Undo restores the old start; this one is the diagram's, at",
     "live": "Computed anew when a parameter has rested",
     "fit": "All of it, at the best scale",
+    "computing": "Computing ...",
+    "number": "Give a number, such as 1.5.",
+    "pair": "Give two numbers, the smaller one first.",
 }  # fmt: skip
 
 

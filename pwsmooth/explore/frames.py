@@ -52,7 +52,8 @@ def pack(header: Mapping[str, Any], arrays: Mapping[str, Any] | None = None, *, 
             kind = "f"
         else:
             kind = "c" if values.dtype == np.int8 else "b" if values.dtype.itemsize == 1 else "i"
-        raw = np.ascontiguousarray(values).astype(TYPES[kind], casting="unsafe").tobytes()
+        with np.errstate(over="ignore"):  # beyond float32, and beyond any picture
+            raw = np.ascontiguousarray(values).astype(TYPES[kind], casting="unsafe").tobytes()
         listed.append(entry | {"type": kind, "shape": list(values.shape)})
         parts.append(raw + bytes(-len(raw) % 4))
     text = json.dumps(_finite({**header, "arrays": listed}), separators=(",", ":"), allow_nan=False).encode()

@@ -34,6 +34,8 @@ _PLACES = 121  # along a surface in the phase plane
 _POSES = 1200  # points of the mechanism's motion
 _LONGEST = 16  # periods of an orbit that a sentence names
 
+_UNDECIDED = Outcome.AMBIGUITY, Outcome.DETERMINACY_LOST
+
 Answer = tuple[dict[str, Any], dict[str, np.ndarray]]
 
 
@@ -136,19 +138,43 @@ class Live:
 
     def sentence(self) -> Answer:
         """What the orbit comes to, in words."""
-        return {"kind": "sentence", "said": said_of(self.solution, self.period) if self.solution else ""}, {}
+        unit = "" if self.subject.alone else " s"
+        return {
+            "kind": "sentence",
+            "said": said_of(self.solution, self.period, unit) if self.solution else "",
+        }, {}
 
     def _remedy(self, said: str, asked: Mapping[str, Any]) -> dict[str, Any]:
         """The field that a refusal is of, and the view in which the value is allowed."""
-        names = {n: n for n in asked.get("p", {})} | {f"x0.{n}": n for n in asked.get("x0", {})}
-        field = next((key for key, n in names.items() if f"{n!r}" in said or f"of {n} " in said), "")
-        hidden = self.subject.system.model.families is None and self.subject.system.hidden_terms
-        layered = [("Take the layered view", {"view": "layered"})]
-        return {"field": field, "remedies": layered if hidden and not self.subject.system._view else []}
+        field = self._culprit(asked)
+        if not field:
+            names = {n: n for n in asked.get("p", {})} | {f"x0.{n}": n for n in asked.get("x0", {})}
+            field = next((key for key, n in names.items() if f"{n!r}" in said or f"of {n} " in said), "")
+        # A view without fast states knows no time constant of theirs.
+        view, own = self._with_fast_states(), {p.name for p in self.subject.system.parameters}
+        gone = own - {p.name for p in view.parameters} if view else set()
+        return {"field": field, "remedies": [("Take the layered view", {"view": "layered"})] * (field in gone)}
+
+    def _culprit(self, asked: Mapping[str, Any]) -> str:
+        """The parameter, start or span that is refused where all else is the system's own, too; "" where none is."""
+        parts = [("t_span", {"t_span": asked["t_span"]})] if "t_span" in asked else []
+        for group, prefix in (("p", ""), ("x0", "x0.")):
+            if isinstance(given := asked.get(group), Mapping):
+                parts += [(f"{prefix}{n}", {group: {n: value}}) for n, value in given.items()]
+        for field, part in parts:
+            try:
+                state_of(self.subject, part)
+            except (ValueError, TypeError, KeyError):
+                return field
+        return ""
 
     def _remedies(self, begin: float, end: float) -> list[tuple[str, Any]]:
         """What the page itself can do where a run has stopped: a part of the state that helps."""
-        found: list[tuple[str, Any]] = [("Shorter span", {"t_span": (begin, begin + 0.98 * (end - begin))})]
+        # Where a solution is no longer the only one a shorter span shows the same.
+        short = end > begin and self.solution and self.solution.outcome not in _UNDECIDED
+        found: list[tuple[str, Any]] = [
+            ("Shorter span", {"t_span": (begin, begin + 0.98 * (end - begin))})
+        ] * bool(short)
         smoothed = switches(self.subject.system.model) and not self.subject.system._view
         return found + [("Smoothed view", {"view": "smoothed"})] * bool(smoothed)
 
@@ -370,29 +396,33 @@ def _outcome(solution: Solution) -> str:
     return f"Not unique from t = {short(unsure.time)} on: {unsure}" if unsure else ""
 
 
-def said_of(solution: Solution, period: float | None) -> str:
-    """A sentence: what the orbit comes to, its sticks and events."""
+def said_of(solution: Solution, period: float | None, unit: str = "") -> str:
+    """What the orbit comes to, its sticks and events: a sentence or two. `unit` is that of time."""
     if not solution.success:
-        return f"stopped at t = {solution.t[-1]:.6g}"
-    end, begin, where = float(solution.t[-1]), float(solution.t[0]), "in all"
-    words: list[str] = []
+        return f"Stopped at t = {solution.t[-1]:.6g}{unit}."
+    end, begin = float(solution.t[-1]), float(solution.t[0])
+    first, each = "", ""
     if period:
         count = int((end - begin) / period * (1 + 1e-12))
         window = Window(end - period * np.arange(min(count, 2 * _LONGEST), -1, -1.0), True)
         cycle = Period(_LONGEST, 1e-5).find(strobes(solution, window)) if count else 0
-        words.append(f"period {cycle}" if cycle else "not periodic within the span")
-        begin = end - cycle * period if cycle else begin
-        where = "a period" if cycle == 1 else f"in {cycle} periods" if cycle else "in all"
-    held = [h for h in _held(solution) if h[0] >= begin - 1e-9 * abs(begin)]
-    lengths = [h[1] - h[0] for h in held]
+        if cycle:
+            drive = "drive period" if cycle == 1 else f"{cycle} drive periods"
+            first, each = f"Repeats every {drive} ({cycle * period:.3g}{unit}); ", " each time"
+            begin = end - cycle * period
+        else:
+            first = f"No period found from {short(begin)} to {short(end)}{unit}: still settling, or none. "
+    words: list[str] = []
+    lengths = [h[1] - h[0] for h in _held(solution) if h[0] >= begin - 1e-9 * abs(begin)]
     if lengths:
-        told = ", ".join(f"{d:.3g}" for d in lengths[:3]) + (" ..." if len(lengths) > 3 else "")
-        words.append(f"{len(lengths)} stick{'s' * (len(lengths) > 1)} {where}, of {told}")
+        told = ", ".join(f"{d:.3g}{unit}" for d in lengths[:3]) + (" ..." if len(lengths) > 3 else "")
+        words.append(f"1 stick of {told}" if len(lengths) == 1 else f"{len(lengths)} sticks ({told})")
     elif switches(solution.model):
         words.append("no stick")
     count = sum(e.time >= begin for e in solution.events)
-    words.append(f"{count} event{'s' * (count != 1)}")
+    words.append(f"{count} event{'s' * (count != 1)}{each}")
     if solution.ambiguities:
         count = len(solution.ambiguities)
         words.append(f"{count} place{'s' * (count > 1)} from which it is not unique")
-    return ", ".join(words)
+    rest = ", ".join(words)
+    return f"{first}{rest if first.endswith('; ') else rest[:1].upper() + rest[1:]}."

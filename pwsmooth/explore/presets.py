@@ -103,7 +103,7 @@ PRESETS: dict[str, Preset] = {
     "coulomb": Preset("friction_oscillator", "What is left without the hidden term?", "Coulomb"),
     "two-fold": Preset(
         two_fold, "Which way from the two-fold, where many solutions leave and none is chosen?",
-        shown={"names": ("x", "y", "z"), "phase": ("y", "z")},
+        shown={"names": ("x", "y", "z"), "phase": ("y", "z"), "views": ("time", "phase")},
     ),
     "lugre": Preset("block_on_belt", "How does a bristle model slip, and when does it stick?", "LuGre"),
     "lugre-presliding": Preset(
@@ -165,7 +165,10 @@ PRESETS: dict[str, Preset] = {
     "train": Preset(
         "block_train", "Blocks in a row on a belt: does one slip carry the next one with it? Lower v_s.",
     ),
-    "lattice": Preset("block_lattice", "How far does a slip reach in two dimensions, and with stiffer springs?"),
+    "lattice": Preset(
+        "block_lattice", "Does a slip of block 1, in a corner, take its neighbours along, 2 in its row, 7 in the next? "
+        "And block 8 between these? Stiffen the springs.", shown={"names": ("v_1", "v_2", "v_7", "v_8")},
+    ),
     "firing": Preset("firing_lattice", "Elements that push each other over the edge: do they come to fire together?"),
     "cradle": Preset(
         "granular_chain", "A blow runs through balls in a row: how much of it comes out? Lower the restitution.",

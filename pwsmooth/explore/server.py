@@ -172,7 +172,9 @@ class Server:
         except (ValueError, RecursionError, TimeoutError, ConnectionClosed):
             token = link = ""
         if not (isinstance(token, str) and hmac.compare_digest(token.encode(), self.token.encode())):
-            await socket.close(4403, "the token is not that of this explorer")
+            await socket.close(
+                4403, "the token of this address is missing or old; open the address that the terminal prints"
+            )
             return
         if len(self.pages) >= PAGES:
             await socket.close(4429, f"{PAGES} pages are open, the most; close one")

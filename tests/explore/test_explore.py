@@ -191,6 +191,66 @@ def test_what_is_no_state_is_refused_with_a_sentence(oscillator, part, words):
     assert header["kind"] == "refused" and words in header["why"] and not arrays
 
 
+@pytest.mark.parametrize(
+    "part, field, view",
+    [
+        ({"p": {"mass": 0.0}}, "mass", False),  # the rate of 'v' divides by it, and v has a field, too
+        ({"p": {"omega": 2.0, "mass": -1.0}}, "mass", False),
+        ({"p": {"damper": -1.0}}, "damper", False),
+        ({"p": {"rho": 2.0, "beta": 0.0}}, "beta", True),  # z is slaved in that view, which has no beta
+        ({"x0": {"y": 0.1, "v": float("nan")}}, "x0.v", False),
+        ({"t_span": [0, 1e9], "p": {"rho": 2.0}}, "t_span", False),
+    ],
+)
+def test_a_refusal_marks_its_own_field_and_offers_a_view_that_helps(oscillator, part, field, view):
+    header, _ = live.Live(oscillator).orbit({**asked(oscillator), **part})
+    assert header["kind"] == "refused" and header["field"] == field
+    assert [text for text, _ in header["remedies"]] == ["Take the layered view"] * view
+
+
+def test_what_stops_at_a_bound_of_the_page_is_told_in_its_words(oscillator, monkeypatch):
+    monkeypatch.setitem(describe.LIMITS, "steps", 20)
+    header, _ = live.Live(oscillator).orbit(asked(oscillator))
+    assert "after 20 steps, the most of a picture" in header["said"] and "max_steps" not in header["said"]
+    assert [text for text, _ in header["remedies"]] == ["Shorter span", "Smoothed view"]
+    two_fold = presets.subject_of_preset("two-fold")
+    header, _ = live.Live(two_fold).orbit(asked(two_fold))
+    assert [text for text, _ in header["remedies"]] == ["Smoothed view"], "a shorter span ends there as well"
+    assert set(describe.describe(two_fold)["views"]) == {"time", "phase"}
+
+
+@pytest.mark.parametrize("law", ["LuGre", "Dahl", "BoucWen"])
+def test_a_stiff_law_has_its_orbit_and_its_maps_at_the_bound_of_the_page(law):
+    scene = subject.named_subject("friction_oscillator", law)
+    header, _ = live.Live(scene).orbit(asked(scene))
+    assert header["ok"] and live.method_of(scene, {}) == {"method": "stiff"}
+    told = {"parameter": "omega", "range": [1.0, 1.1], "columns": 2, "keep": 3}
+    found = [arrays for _, arrays in maps.diagram(scene, told)]
+    assert np.isfinite(np.concatenate([a["points"] for a in found])).all()
+    line = script(scene, {**told, "for": "diagram"})
+    assert "method='stiff'" in line and "method" not in script(
+        presets.subject_of_preset("figure-8"), {"for": "time"}
+    )
+    assert live.method_of(presets.subject_of_preset("figure-8"), {}) == {}
+
+
+@pytest.mark.parametrize(
+    "span, words",
+    [
+        ((0.0, 400.0), r"Repeats every drive period \(6.28 s\); 1 stick of [\d.]+ s, \d+ events each time."),
+        (
+            (0.0, 60.0),
+            r"No period found from 0 to 60 s: still settling, or none. \d sticks \(.* s.*\), \d+ events.",
+        ),
+        ((0.0, 0.1), r"No period found from 0 to 0.1 s: still settling, or none. No stick, 0 events."),
+    ],
+)
+def test_a_sentence_says_what_the_orbit_comes_to(oscillator, span, words):
+    run = oscillator.solve(span, oscillator.start, {})
+    said = live.said_of(run, 2 * np.pi, " s")
+    assert re.fullmatch(words, said), said
+
+
 def test_a_run_that_stops_is_drawn_to_where_it_stopped():
     blows = subject.subject_of(System({x: k * x**2}, parameters={k: 1}), {x: 1}, t_span=(0, 2))
     header, arrays = live.Live(blows).orbit(asked(blows))
@@ -506,8 +566,8 @@ STATIC = importlib.resources.files(bundle.__package__).joinpath("static")
 LOADED = ("plot.js", "views.js", "explorer.js", "main.js", "style.css")
 
 
-def test_a_browser_loads_60_kb_of_module_and_style():
-    assert sum(len(bundle.static(name)) for name in LOADED) <= 60_000
+def test_a_browser_loads_61_kb_of_module_and_style():
+    assert sum(len(bundle.static(name)) for name in LOADED) <= 61_000
 
 
 def test_what_is_delivered_has_every_text_of_the_source():

@@ -1,6 +1,6 @@
 // The page: one state, which every view reads and every gesture writes; newest wins, one request in flight, one waiting.
 import { clamp, mixed, nearest, plain, rowOf } from "./plot.js";
-import { VIEWS, button, choice, element, number } from "./views.js";
+import { VIEWS, button, choice, element, number, typed } from "./views.js";
 
 const TONES = ["paper", "ink", "muted", "grid", "axis", "ghost", "curve", "bad", "brush"]; // of the style sheet
 const COMPILING = "A model is compiled once per machine, in up to a minute ...";
@@ -23,6 +23,7 @@ function unpack(frame) {
 
 const mix = (ys, [k, w]) => ys[k - 1] + w * (ys[k] - ys[k - 1]);
 const table = (rows) => rows.flatMap(([key, what]) => [element("dt", key), element("dd", what)]);
+const whyOf = (key) => element("p.why", { id: `c-${key}-w`, hidden: true });
 const details = (title, ...inside) => element("details", element("summary", title), ...inside);
 
 class App {
@@ -52,6 +53,7 @@ class App {
       this.hear({ ...header, ...more }, arrays);
     };
     transport.open(hear, (why) => {
+      for (const part of [this.bar, this.side, this.main]) part.inert = true;
       this.lost = true;
       this.tell(why, true);
     });
@@ -87,13 +89,13 @@ class App {
     this.main = element("main");
     this.tabs = element("nav.tabs", { role: "tablist" });
     this.dialog = element("dialog");
-    const bar = element(
-      "div.actions", this.playing, button("Back", () => this.back(), { title: "Ctrl Z" }),
+    this.bar = element(
+      "div.actions", this.playing, button("Undo", () => this.back(), { title: "Ctrl Z" }),
       button("Copy link", () => this.link()), button("Copy as code", () => this.code()),
       button("Save figure", () => this.save()), button("?", () => this.help(), { title: "Keys" }),
     );
     this.root.replaceChildren(
-      element("header", element("div.title", this.heading, this.sub), bar), this.notice,
+      element("header", element("div.title", this.heading, this.sub), this.bar), this.notice,
       element("div.work", this.side, element("div", this.said, this.tabs, this.main)), this.dialog,
     );
     this.tell(COMPILING, false, true);
@@ -102,7 +104,8 @@ class App {
   }
   // `passing`: until the next scene comes.
   tell(text, bad = false, passing = false) {
-    this.passing = passing;
+    Object.assign(this, { passing, refused: bad });
+    this.later("gone", 15000, () => bad || passing || this.tell(""));
     this.notice.textContent = text;
     this.notice.hidden = !text;
     this.notice.classList.toggle("bad", bad);
@@ -131,8 +134,8 @@ class App {
     } else if (kind === "scene") this.open(header);
     else if (kind === "killed") {
       this.inFlight = null;
-      this.kept = this.state;
-      this.tell(why, true);
+      this.kept = header.again ? null : this.state;
+      this.tell(why);
     } else if (kind === "figure") this.file(header, arrays.file);
     else if (kind === "code") this.tellCode("As code", header.text);
     else if (kind === "layer") {
@@ -244,12 +247,14 @@ class App {
     const share = (v) => (log ? Math.log(Math.max(v, min) / min) / Math.log(max / min) : (v - min) / (max - min));
     const value = (s) => (log ? min * (max / min) ** s : min + s * (max - min));
     const set = (v, from) => {
+      if (from !== field) field.odd = false;
       if (from !== field && document.activeElement !== field) field.value = plain(v);
       if (from !== line) line.value = Math.round(1000 * share(v));
       line.setAttribute("aria-valuetext", plain(v));
     };
     const go = (asked, from) => {
-      if (!Number.isFinite(asked)) return;
+      field.odd = !Number.isFinite(asked);
+      if (field.odd) return this.mark(this.fields[key], this.scene.words.number);
       const v = grid ? nearest(grid, asked) : asked;
       this.remember();
       this.state[group][name] = v;
@@ -258,19 +263,11 @@ class App {
       this.ask();
     };
     const slide = () => go(+value(line.value / 1000).toPrecision(5), line);
-    const onkeydown = (e) => {
-      // arrows 1/1000, pages 1/20
-      const step = { PageUp: 50, PageDown: -50 }[e.key];
-      if (!step) return;
-      line.value = +line.value + step;
-      slide();
-      e.preventDefault();
-    };
-    const field = number(`${name}, value`, "", () => go(field.valueAsNumber, field), { id: `${id}-n` });
+    const field = number(`${name}, value`, "", () => go(typed(field), field), { id: `${id}-n` });
     const line = element("input.line", {
-      type: "range", min: 0, max: 1000, step: 1, id, title: meaning, "aria-description": meaning, oninput: slide, onkeydown,
+      type: "range", min: 0, max: 1000, step: 1, id, title: meaning, oninput: slide,
     });
-    const said = element("p.why", { id: `${id}-w`, hidden: true }), [head, sub] = this.scene.labels[name];
+    const said = whyOf(key), [head, sub] = this.scene.labels[name];
     const label = element("label", { htmlFor: id, title: meaning }, element("i", head));
     if (sub) label.append(element("sub", sub));
     if (c.tail) label.append(element("span.unit", ` ${c.tail}`));
@@ -281,34 +278,37 @@ class App {
         this.controls();
         this.of("diagram")?.draw();
       };
-      row.append(this.ends("ends", [min, max], `slider of ${name}`, reach));
+      row.append(this.ends("ends", [min, max], `slider of ${name}`, reach, said));
     }
     this.fields[key] = { row, said, number: field, set };
     set(this.state[group][name]);
     return row;
   }
   // Two fields of an interval.
-  ends(kind, pair, what, change) {
+  ends(kind, pair, what, change, said) {
     const write = (k) => {
-      const next = pair.with(k, fields[k].valueAsNumber);
-      if (next.every(isFinite) && next[0] < next[1]) change((pair = next));
-      else fields[k].value = plain(pair[k]);
+      const next = fields.map(typed), number = fields[k];
+      number.odd = !(next.every(isFinite) && next[0] < next[1]);
+      if (number.odd) return this.mark({ said, number }, this.scene.words.pair);
+      fields.forEach((number) => this.mark({ said, number }));
+      change(next);
     };
     const fields = pair.map((v, k) => number(`${what}, ${k ? "to" : "from"}`, plain(v), () => write(k)));
-    const show = (given) => fields.forEach((field, k) => (field.value = plain((pair = given)[k])));
-    return Object.assign(element(`span.${kind}`, fields), { show });
+    const show = (given) => fields.forEach((field, k) => Object.assign(field, { value: plain(given[k]), odd: false }));
+    return Object.assign(element(`span.${kind}`, fields), { show, said, number: fields[1], set() {} });
   }
   controls() {
     const { scene, state } = this, menu = (text, ...what) => element("div.span", element("span", text), ...what);
     this.fields = {};
     const rows = scene.controls.map((c) => this.slider(c, "p")), starts = scene.starts.map((c) => this.slider(c, "x0"));
-    this.spanned = this.ends("pair", state.t_span, "span", (t_span) => this.set({ t_span }));
+    const span = (t_span) => this.set({ t_span });
+    this.spanned = this.fields.t_span = this.ends("pair", state.t_span, "span", span, whyOf("t_span"));
     const menus = scene.models.map((m) => menu(m.text, this.model(m)));
     this.table = element("dl");
     const more = rows.splice(12);
     if (more.length) rows.push(details(`${more.length} more`, ...more));
     this.sliders.replaceChildren(
-      element("h2", "Parameters"), ...rows, element("h2", "Start"), ...starts, menu("Span", this.spanned), ...menus,
+      element("h2", "Parameters"), ...rows, element("h2", "Start"), ...starts, menu("Span", this.spanned), this.spanned.said, ...menus,
       element("div.actions", button("Reset", () => this.reset())), details("Numbers", this.table),
     );
     this.sliders.inert = scene.read_only;
@@ -321,7 +321,7 @@ class App {
       this.turn({ ...part, ...(shape ? { values: { ...this.state.values, ...chosen } } : chosen) });
     };
     if (options.length) return choice(label, options, value, write);
-    const read = ({ target: { valueAsNumber: v } }) => Number.isFinite(v) && write(v);
+    const read = ({ target }) => (isFinite(typed(target)) ? write(typed(target)) : this.tell(this.scene.words.number, true));
     return number(label, value, read, { title: label });
   }
   last(row) {
@@ -353,19 +353,20 @@ class App {
     return this.locked ? [] : given.map(([text, part]) => button(text, () => act(part)));
   }
   // A value that the system refuses stays in its field, red, with the system's own sentence.
-  refuse({ kind, why, field, remedies }) {
-    for (const { said, number } of Object.values(this.fields)) {
-      said.hidden = true;
-      number.removeAttribute("aria-invalid");
-    }
-    if (kind !== "refused") return;
-    if (!this.fields[field]) return this.tell(why, true);
-    const { said, number } = this.fields[field];
-    said.replaceChildren(why, ...this.remedies(remedies));
-    said.hidden = false;
-    said.scrollIntoView({ block: "nearest" });
-    number.setAttribute("aria-invalid", "true");
+  refuse({ why, field, remedies }) {
+    for (const of of Object.values(this.fields)) if (!of.number.odd) this.mark(of);
+    const of = this.fields[field];
+    if (why && !of) return this.tell(why, true);
+    if (this.refused) this.tell("");
+    if (why) this.mark(of, why, ...this.remedies(remedies));
+  }
+  // What is wrong with a field, or nothing.
+  mark({ said, number }, ...why) {
+    said.replaceChildren(...why);
+    said.hidden = !why.length;
+    number.setAttribute("aria-invalid", !said.hidden);
     number.setAttribute("aria-describedby", said.id);
+    if (!said.hidden) said.scrollIntoView({ block: "nearest" });
   }
 
   // ---- where views stand
@@ -487,7 +488,6 @@ class App {
     this.state.p[name] = value;
     this.begin(x0);
     this.tell(`${this.scene.words.picked} ${this.written(name)} = ${plain(value)}.`);
-    this.later("gone", 5000, () => this.tell(""));
   }
 
   // ---- requests
@@ -605,6 +605,7 @@ class App {
     if (found !== undefined) this.point(found);
   }
   key(e) {
+    if (this.lost) return;
     const { target, key } = e, meta = e.ctrlKey || e.metaKey, { open } = this.dialog, text = target.matches("input, select");
     const acts = {
       " ": () => this.play(), ",": () => this.event(-1), ".": () => this.event(1),

@@ -17,7 +17,9 @@ export function element(kind, ...parts) {
 }
 export const button = (text, onclick, more = {}) => element("button", { type: "button", onclick, ...more }, text);
 export const number = (label, value, onchange, more = {}) =>
-  element("input", { type: "number", step: "any", "aria-label": label, value, onchange, ...more });
+  element("input.number", { type: "text", inputMode: "decimal", "aria-label": label, value, onchange, ...more });
+// The number that stands in a field, whose decimal point may be a comma; NaN of other text.
+export const typed = ({ value }) => Number(value.trim().replace("−", "-").replace(/^([^.,]*),([^.,]*)$/, "$1.$2") || NaN);
 export const choice = (label, options, value, change) =>
   element(
     "select", { "aria-label": label, onchange: (e) => change(e.target.value) },
@@ -323,7 +325,8 @@ class Grown extends View {
   asked() {}
   fill(app) {
     this.bar = element("progress", { max: 1, value: 0, "aria-label": "progress" });
-    this.stage.append(this.bar);
+    this.first = button("", () => this.start(), { className: "empty" });
+    this.stage.append(this.bar, this.first);
     this.tools.hidden = !!this.scene.alone;
     this.live = element("input", { type: "checkbox", checked: this.key !== "basins", onchange: () => app.moved() });
     const anew = tool("↻", `Compute: ${this.title}`, () => this.start());
@@ -393,8 +396,12 @@ class Grown extends View {
     this.box.classList.toggle("stale", this.old);
   }
   after(app) {
-    if (!this.job?.header || this.note.classList.contains("bad")) return;
-    const { p, header } = this.job, changed = Object.keys(p).filter((n) => this.state.p[n] !== p[n] && this.ignored !== n);
+    const { first, id, job, scene } = this;
+    first.hidden = !!(job?.header || scene.alone);
+    first.disabled = !!id;
+    first.textContent = id ? scene.words.computing : `Compute ${this.title.toLowerCase()}`;
+    if (!job?.header || this.note.classList.contains("bad")) return;
+    const { p, header } = job, changed = Object.keys(p).filter((n) => this.state.p[n] !== p[n] && this.ignored !== n);
     const values = changed.map((n) => `${app.written(n)} = ${+p[n].toPrecision(5)}`).join(", ");
     const mark = values ? `Of ${values}. ` : this.stale ? "Of another state. " : "";
     this.say(mark + this.halted + header.said);
@@ -481,7 +488,9 @@ class Diagram extends Grown {
     x.settle(app.span());
     if (!h) return;
     const j = h.names.indexOf(this.state.diagram.y), columns = [...this.columns.values()];
-    y.cover(hull(columns.map(({ points }) => range(points, j, points.length, h.names.length))));
+    const [a, b] = hull(columns.map(({ points }) => range(points, j, points.length, h.names.length)));
+    const least = 1e-3 * Math.max(-a, b); // a fixed point is one line, and not its roundings
+    y.cover([a - least, b + least]);
   }
   paint(plot, { state, theme }) {
     const h = this.job?.header, [across, along] = this.brush || [[0, 0]];
@@ -597,8 +606,8 @@ class Basins extends Grown {
     this.ring(plot);
   }
   after(app) {
-    if (this.job) super.after(app);
-    else this.say(this.scene.words.basins);
+    super.after(app);
+    if (!this.job) this.say(this.scene.words.basins);
   }
 }
 
@@ -682,9 +691,8 @@ class Noise extends Grown {
 class Mechanism extends View {
   row = "top";
   fill(app) {
-    this.toggle = tool("▶", "play or pause", () => app.play());
     const before = tool("◂", "event before", () => app.event(-1)), next = tool("▸", "next event", () => app.event(1));
-    this.tools.append(before, this.toggle, next);
+    this.tools.append(before, next);
     Object.assign(this.plot, { left: 0, right: 0, top: 0, bottom: 0 });
   }
   gestures() {}
@@ -692,8 +700,10 @@ class Mechanism extends View {
     const { app, plot, orbit, theme } = this, { x, y, ctx } = plot;
     const { shapes, note } = this.scene.sketch, { cursor } = this.state;
     if (!orbit?.pose || !plot.measure()) return;
-    // The room that the motion needs does not shrink; one scale for both axes.
-    this.reach = orbit.header.reach.map((v, k) => (k % 2 ? Math.max : Math.min)(v, this.reach?.[k] ?? v));
+    // The room that the motion needs does not shrink, unless it is three times too large; one scale for both axes.
+    const { reach } = orbit.header, wide = ([l, r, b, u]) => Math.max(r - l, u - b);
+    if (wide(this.reach || reach) > 3 * wide(reach)) this.reach = null;
+    this.reach = reach.map((v, k) => (k % 2 ? Math.max : Math.min)(v, this.reach?.[k] ?? v));
     const [l, r, b, u] = this.reach, k = Math.min(plot.width / (r - l), plot.height / (u - b));
     const fit = (axis, middle) => axis.settle([-1, 1].map((side) => middle + (side * Math.abs(axis.size)) / k / 2));
     fit(x, (l + r) / 2);
@@ -712,7 +722,6 @@ class Mechanism extends View {
       this.shape(s, k, Math.hypot(dx, dy) || 1, p.travel, dx < 0);
       ctx.restore();
     }
-    this.toggle.textContent = app.clock ? "❚❚" : "▶";
     this.note.textContent = `t = ${shown(cursor, Math.abs(cursor) || 1)}${note}`;
   }
   shape({ kind, width, height, radius, mark, phase }, k, d, travel, back) {
