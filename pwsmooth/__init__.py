@@ -74,4 +74,21 @@ def on_first_use(package, home):
     return get, lambda: [*vars(module), *home]
 
 
-__getattr__, __dir__ = on_first_use(__name__, _HOME)
+_get, _names = on_first_use(__name__, _HOME)
+
+
+def __getattr__(name):
+    if name != "__version__":
+        return _get(name)
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        found = version(__name__)
+    except PackageNotFoundError:  # sources that are on the path alone
+        found = "0+unknown"
+    globals()[name] = found
+    return found
+
+
+def __dir__():
+    return [*_names(), "__version__"]

@@ -6,14 +6,36 @@ Only typer is imported here, so that `pwsmooth --help` is quick; each command im
 from __future__ import annotations
 
 import contextlib
+import functools
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperGroup
+
+
+def _bare(params: list[Any]) -> list[Any]:
+    """Options, of which flags are shown without a type: they take no value."""
+    for param in params:
+        if getattr(param, "is_flag", False):
+            param.metavar = ""
+    return params
+
+
+class _Command(TyperCommand):
+    def get_params(self, ctx: Any) -> list[Any]:
+        return _bare(super().get_params(ctx))
+
+
+class _Group(TyperGroup):
+    def get_params(self, ctx: Any) -> list[Any]:
+        return _bare(super().get_params(ctx))
+
 
 app = typer.Typer(
+    cls=_Group,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -21,12 +43,26 @@ app = typer.Typer(
 )
 
 
+command = functools.partial(app.command, cls=_Command)
+
+
 def _version(wanted: bool) -> None:
     if wanted:
-        from importlib.metadata import version
+        import pwsmooth
 
-        typer.echo(f"pwsmooth {version('pwsmooth')}")
+        typer.echo(f"pwsmooth {pwsmooth.__version__}")
         raise typer.Exit
+
+
+@contextlib.contextmanager
+def _telling(out: Path | None) -> Iterator[None]:
+    """Says that a folder is new, which a slip of the pen in its name would be."""
+    new = out is not None and not out.exists()
+    try:
+        yield
+    finally:
+        if new and out is not None and out.exists():
+            typer.echo(f"{out} is a new folder.", err=True)
 
 
 @contextlib.contextmanager
@@ -68,7 +104,7 @@ def root(
     """Exact switching for piecewise-smooth dynamics."""
 
 
-@app.command()
+@command()
 def figures(
     names: Annotated[
         list[str] | None, typer.Argument(metavar="[NAME]...", help="Figures to make, e.g. 4 8; all without.")
@@ -87,7 +123,7 @@ def figures(
 
     Runs from the project's source archive or a checkout, where the scripts of the figures are.
     """
-    with _in_words("figures", "interrupted; the figures listed above are complete."):
+    with _in_words("figures", "interrupted; the figures listed above are complete."), _telling(out):
         _find_paper_figures()
         from paper_figures import making as machinery
 
@@ -99,7 +135,7 @@ def figures(
         raise typer.Exit(1)
 
 
-@app.command()
+@command()
 def verify(
     names: Annotated[
         list[str] | None, typer.Argument(metavar="[NAME]...", help="Problems to solve; all without.")
@@ -118,7 +154,7 @@ def verify(
         raise typer.Exit(1)
 
 
-@app.command()
+@command()
 def sweep(
     study: Annotated[Path, typer.Argument(help="TOML file: system, axes, measures, tolerances.")],
     out: Annotated[Path, typer.Option(help="Directory for the store, <STUDY>.zarr.")] = Path("."),
@@ -147,7 +183,7 @@ def sweep(
         measures       what is kept: sticks, itinerary, period, amplitude(y), ...
         period         of the drive, a number or a formula in parameters
         section        without a drive: a surface, as y, from return to return of which is measured
-        direction      of the section: 1, -1 or 0
+        direction      of the section: 1 (rising) or -1 (falling)
         longest_return the time after which a return is given up
         transient      periods or returns that are not measured, 100 by default
         periods        periods or returns that are measured, 20 by default
@@ -168,17 +204,20 @@ def sweep(
         \[units]       of parameters and states, as words
         \[kicks]       arguments of Kicks: size, every, on, ...
     """
-    with _in_words("sweep", "interrupted; finished chunks are kept, --resume goes on."):
+    with _in_words("sweep", "interrupted; finished chunks are kept, --resume goes on."), _telling(out):
         from pwsmooth.sweep.study import run_study
 
         data, store = run_study(study, out, resume, workers, allow_code=allow_code)
     names = dict(zip(data.outcome.attrs["flag_values"], data.outcome.attrs["flag_meanings"].split()))
     codes = data.outcome.values.ravel().tolist()
     told = ", ".join(f"{codes.count(code)} {names[code].replace('_', ' ')}" for code in sorted(set(codes)))
-    typer.echo(f"{data.outcome.size} points: {told}; {store}")
+    size = data.outcome.size
+    typer.echo(
+        f"{size} point{'s' * (size != 1)}: {told}; {store}\nIn Python: pwsmooth.sweep.read_store({str(store)!r})"
+    )
 
 
-@app.command()
+@command()
 def diagram(
     study: Annotated[Path, typer.Argument(help="TOML file: system, ranges, starts.")],
     out: Annotated[
@@ -230,14 +269,15 @@ def diagram(
         \[symmetry]    images of states under (x, t) -> (G x, t + T/2)
         \[box]         states: \[least, largest], where equilibria are looked for
     """
-    with _in_words("diagram", "interrupted; finished branches are kept, --resume goes on."):
+    with _in_words("diagram", "interrupted; finished branches are kept, --resume goes on."), _telling(out):
         from pwsmooth.diagrams.study import run_study
 
         found, store = run_study(study, out, resume, workers, allow_code=allow_code)
-    typer.echo(f"{found}\n{store}")
+    reader = "read_diagram" if type(found).__name__ == "Diagram" else "read_set"
+    typer.echo(f"{found}\n{store}\nIn Python: pwsmooth.diagrams.{reader}({str(store)!r})")
 
 
-@app.command()
+@command()
 def explore(
     what: Annotated[
         str,
@@ -260,8 +300,8 @@ def explore(
 ) -> None:
     """A page on which a system answers while a slider moves: orbit, phase plane, layer, orbit diagram, basins.
 
-    It is served on this machine alone, to whoever has the printed address, until Ctrl-C. Needs the extra:
-    pip install 'pwsmooth\\[explore]'.
+    It is served on this machine alone, to whoever has the printed address, until Ctrl-C. It needs websockets:
+    pip install websockets, or in a checkout pip install -e '.\\[explore]'.
     """
     with _in_words("explore"):
         from pwsmooth.explore import opening
@@ -272,7 +312,7 @@ def explore(
         opening.command(what, law, preset, state, port, browser, allow_code, typer.echo, read_only)
 
 
-@app.command()
+@command()
 def warmup() -> None:
     """Compile the whole numerical core now, on all cores, instead of each part when it is first needed.
 
@@ -284,7 +324,7 @@ def warmup() -> None:
         typer.echo(f"{warm_up()} parts of the numerical core are compiled.")
 
 
-@app.command()
+@command()
 def ladder(
     scene: Annotated[str, typer.Argument(help="One of the scenes that --list shows.")] = "",
     observable: Annotated[str, typer.Option(help="What is to be right; --list shows what a scene has.")] = "",
@@ -299,7 +339,7 @@ def ladder(
     """The simplest model that a scene needs: an observable on models of growing fidelity, and their cost."""
     from pwsmooth.compare.ladders import report
 
-    with _in_words("ladder"):
+    with _in_words("ladder"), _telling(out):
         report.show_list(scene) if list_only else report.run(scene, observable, tolerance, out)
 
 

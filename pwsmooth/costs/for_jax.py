@@ -43,6 +43,7 @@ def jax_function(objective: Objective) -> Any:
     >>> print(f"{jax.grad(lambda q: cost(q) ** 2)(jax.numpy.array([3.0]))[0]:.6f}")  # 6 exp(-4)
     0.109894
     """
+    checks.needs("jax", "jax>=0.5", "jax", "jax_function")
     import jax
     import jax.numpy as jnp
 

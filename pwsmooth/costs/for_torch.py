@@ -28,6 +28,7 @@ def torch_function(objective: Objective) -> Any:
     >>> objective = Objective(System({x: -2 * x}), final(x), (0, 1), {x: 1}, ["x"])
     >>> cost = torch_function(objective)  # doctest: +SKIP
     """
+    checks.needs("torch", "torch>=2.4", "torch", "torch_function")
     import torch
 
     class Cost(torch.autograd.Function):

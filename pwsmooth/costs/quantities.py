@@ -266,6 +266,6 @@ def misfit(expression: Any, times: Any, values: Any, sigma: Any = 1.0) -> Quanti
 def _numbers(value: Any, what: str) -> np.ndarray:
     """As `checks.array`, with nan where nothing was measured."""
     try:
-        return np.asarray(value, float)
+        return checks.as_floats(value)
     except (TypeError, ValueError, OverflowError):
         raise TypeError(f"{what} is {checks.shown(value)}; give numbers.") from None

@@ -18,7 +18,6 @@ from functools import cached_property
 import numpy as np
 import sympy as sp
 
-from ..door import checks
 from .discs import LiftedDisc, is_affine
 from .model import EventSpec, Model, Multiplier, of_event
 from .pointwise import draw, value
@@ -78,13 +77,26 @@ class Field:
 
     @cached_property
     def _divisors(self):
-        """(state, base, its symbols) of the powers of parameters alone that divide a rate."""
+        """(state, base, its symbols, whether the state is fast) of powers of parameters alone that divide a rate."""
         own, found = set(self.parameters), []
         for x, rate in zip(self.states, self.rates):
             for base, exponent in (power.args for power in rate.atoms(sp.Pow)):
                 if base.free_symbols and base.free_symbols <= own and exponent.is_negative:
-                    found.append((x, base, base.free_symbols))
+                    found.append((x, base, base.free_symbols, self._is_fast(x, base)))
         return found
+
+    def _is_fast(self, x, base):
+        """Whether a state sits inside the layer where `base`, which divides its whole rate, vanishes.
+
+        Its rate has multipliers, it stands in none of their surfaces, and with them in a rate (a hidden term).
+        """
+        rate = self.rates[self.states.index(x)]
+        lams = {lam for lam, _ in self.switches} & rate.free_symbols
+        if not base.is_Symbol or (rate * base).expand().diff(base) != 0:
+            return False
+        if not lams or any(x in h.free_symbols for _, h in self.switches):
+            return False
+        return any(sp.expand(other.diff(x, lam)) != 0 for other in self.rates for lam in lams)
 
     @cached_property
     def _restitutions(self):
@@ -95,11 +107,13 @@ class Field:
         """What values of parameters must satisfy beyond the assumptions of their symbols, or a ValueError."""
         # Sliders and fits come here at every move: expressions are walked through once.
         zero = {p for p, number in parameters.items() if number == 0}
-        for x, base, symbols in self._divisors if zero else ():
+        for x, base, symbols, fast in self._divisors if zero else ():
             if symbols & zero and value(base, parameters) == 0:
+                named = " and ".join(f"{p.name!r} is 0" for p in sorted(symbols & zero, key=str))
+                view = f", or take the view in which it vanishes, system.layered({{{x}: sympy.oo}})"
                 raise ValueError(
-                    f"the rate of {x.name!r} divides by {base}, which is 0 for {checks.listing(symbols & zero)} = 0. A "
-                    "vanishing time constant is a view: system.layered({z: sympy.oo})."
+                    f"`parameters`: {named}, and the rate of {x.name!r} divides by {base}; give another value"
+                    f"{view if fast else ''}."
                 )
         for event in self.events:
             if event.every is not None and not (every := value(event.every, parameters)) > 0:

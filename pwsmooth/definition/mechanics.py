@@ -196,9 +196,9 @@ def arguments_of(
         forcing += found.along(found.rate(contact.gap), contact.reaction)
     for number, (key, law) in enumerate(laws.items(), 1):
         law, normal = law if isinstance(law, tuple) else (law, None)
-        if not hasattr(law, "attach"):
+        if not hasattr(law, "attach") or getattr(law, "kind", "") == "contact":
             raise TypeError(
-                f"`friction` of {key} is {checks.shown(law)}; give a law of pwsmooth.laws, or (law, load)."
+                f"`friction` of {key} is {checks.shown(law)}; give a law of pwsmooth.laws.friction, or (law, load)."
             )
         own_name, v = ("", _components(found, key)) if isinstance(key, (tuple, list)) else found.velocity(key)
         name = own_name or (str(number) if len(laws) > 1 else "")

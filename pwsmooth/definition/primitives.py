@@ -434,6 +434,9 @@ class Event:
             raise ValueError(
                 f"an Event needs exactly one of `surface`, `every`, `at`; given: {', '.join(causes) or 'none'}."
             )
+        for part, value in {"surface": surface, "update": update, "when": when}.items():
+            if checks.is_function(value):
+                checks.takes(value, ("t", "x", "p"), f"`{part}` of an Event")
         direction = checks.one_of(1, -1, 0)(direction, "`direction` of an Event")
         if causes[0] != "surface" and direction:
             raise ValueError(f"`direction` has no meaning for an Event with `{causes[0]}`; leave it out.")

@@ -69,10 +69,25 @@ def _folded(name: str) -> str:
     return name.replace("_", "").replace("-", "").lower()
 
 
-def did_you_mean(name: str, known: Iterable[str], mark: str = "`") -> str:
-    """ "; did you mean `x`?", or "." where no known name is near."""
-    near = closest(name, known)
-    return f"; did you mean {mark}{near}{mark}?" if near else "."
+def hint(name: Any, known: Iterable[Any]) -> str:
+    """A last sentence, " Did you mean 'x'?"; empty where no known name is near."""
+    near = closest(str(name), map(str, known))
+    return f" Did you mean {near!r}?" if near else ""
+
+
+def symbols_hint(error: Exception) -> str:
+    """Where SymPy or numpy refused a formula: what to write instead; empty for any other error."""
+    said = str(error)
+    if "Cannot convert expression to float" in said or "convert complex to float" in said:
+        return " In formulas take sympy's functions, such as sympy.sin(x), not those of math."
+    if found := re.search(r"has no callable (\w+) method", said):
+        return f" In formulas take sympy's functions, such as sympy.{found[1]}(x), not those of numpy."
+    if "truth value of Relational" in said:
+        return (
+            " A condition on a symbol has no truth value yet: in formulas take sympy.sign, Max, Min and Piecewise, not "
+            "those of numpy, and not Python's if, max and min."
+        )
+    return ""
 
 
 def misfit(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import importlib.util
 import inspect
 import math
 import operator
@@ -110,7 +111,7 @@ def _checked(function, options, tests):
                 arguments["system"] = _with_parameters(arguments["system"], values)
         return function(*given.args, **given.kwargs)
 
-    checked.is_door = True
+    checked.is_door, checked.tests = True, tests
     return checked
 
 
@@ -152,6 +153,14 @@ def closed_form(function: Callable[P, R]) -> Callable[P, R]:
             raise ValueError(f"{said}: the result is beyond every float; give numbers of usual size.") from None
 
     return computed
+
+
+def needs(module: str, requirement: str, extra: str, what: str) -> None:
+    """Refuses what a package that is not installed would do, with a command that installs it."""
+    if importlib.util.find_spec(module) is None:
+        raise ImportError(
+            f"{what} needs {module}: pip install {requirement!r}, or in a checkout pip install -e '.[{extra}]'."
+        )
 
 
 def fields(instance: Any, **tests: Check) -> None:
@@ -238,10 +247,24 @@ def listing(symbols):
     return ", ".join(str(s) for s in symbols) or "none"
 
 
+def as_float(value):
+    """float(value), which would read text too: a number that is written as text is a slip."""
+    if isinstance(value, (str, bytes, bytearray)):
+        raise TypeError
+    return float(value)
+
+
+def as_floats(values):
+    """An array of floats, which numpy would make of text too."""
+    if np.asarray(values).dtype.kind in "SU":
+        raise TypeError
+    return np.array(values, float)
+
+
 def _float(value, what, remedy="give a number"):
     """`value` as a float, which may be inf or nan."""
     try:
-        return float(value)
+        return as_float(value)
     except OverflowError:
         raise ValueError(f"{what} is {shown(value)}, beyond every float; {remedy}.") from None
     except (TypeError, ValueError, ArithmeticError, RecursionError):
@@ -280,14 +303,28 @@ def _declared(symbol):
     return tuple((_PREDICATES[name], wanted) for name, wanted in declared if name in _PREDICATES)
 
 
+def _bounds(symbol):
+    """What a symbol's value must be, in words."""
+    words = {
+        "positive": "> 0",
+        "negative": "< 0",
+        "nonnegative": ">= 0",
+        "nonpositive": "<= 0",
+        "nonzero": "other than 0",
+    }
+    declared = [name if wanted else f"not {name}" for name, wanted in symbol._assumptions_orig.items()]
+    said = [words[name] for name in declared if name in words]
+    others = [name for name in declared if name not in (*words, "real", "commutative")]
+    return " and ".join(said + others)
+
+
 def _fitting(symbol, value, argument):
     """`value` as a float that fits the symbol's assumptions: sympy has simplified by them."""
     what = f"`{argument}`, value of {symbol.name!r}"
     result = number(value, what)
     if not fits(symbol, result):
         raise ValueError(
-            f"{what} is {result:g}, but its symbol is declared {assumptions(symbol)}; give such a value, or "
-            "declare the symbol without that assumption."
+            f"{what} is {result:g}; {symbol.name} must be {_bounds(symbol)} (declared {assumptions(symbol)})."
         )
     return result
 
@@ -308,6 +345,7 @@ def lookup(key, symbols, what, owner):
             return s
     raise ValueError(
         f"{what} names {shown(name)}, which is no {owner} of this system; it has {listing(symbols)}."
+        + calls.hint(name, symbols)
     )
 
 
@@ -418,7 +456,8 @@ def one_of(*choices):
 
     def test(value, what):
         if not isinstance(value, (str, int)) or isinstance(value, bool) or value not in choices:
-            raise ValueError(f"{what} is {shown(value)}; choose one of {', '.join(map(str, choices))}.")
+            near = calls.hint(value, choices) if isinstance(value, str) else ""
+            raise ValueError(f"{what} is {shown(value)}; choose one of {', '.join(map(str, choices))}.{near}")
         return value
 
     return test
@@ -436,8 +475,18 @@ def instance(kind, remedy):
 
 
 name = instance(str, "a string")
-key = instance((str, sp.Symbol), "a Symbol or its name")
 function = instance(Callable, "a function")
+
+
+def key(value, what):
+    """A Symbol or a name; of a Disc, a contact or an event what stands for it is said."""
+    if isinstance(value, (str, sp.Symbol)):
+        return value
+    parts, own = getattr(value, "components", ()), getattr(value, "name", None)
+    remedy = f"its name, {own!r}" if isinstance(own, str) else "a Symbol or its name"
+    if isinstance(parts, tuple) and parts:
+        remedy = f"one of its components, disc[0] to disc[{len(parts) - 1}]: {listing(parts)}"
+    raise TypeError(f"{what} is {shown(value)}; give {remedy}.")
 
 
 def system(value, what, functions=False):
@@ -459,10 +508,25 @@ def is_function(value):
     return callable(value) and not isinstance(value, (sp.Basic, type))
 
 
+def takes(value, names, what):
+    """Refuses a Python function that does not take these arguments, where a formula or such a function is wanted."""
+    try:
+        signature = inspect.signature(value)
+    except (TypeError, ValueError):  # compiled code may not tell
+        return
+    try:
+        signature.bind(*names)
+    except TypeError:
+        raise TypeError(
+            f"{what} is a Python function of ({', '.join(signature.parameters)}); give a formula, such as x - 1 with a "
+            f"Symbol x, or in System.from_functions a function of ({', '.join(names)})."
+        ) from None
+
+
 def array(value, what):
     """`value` as an array of finite floats, of any shape."""
     try:
-        result = np.array(value, float)
+        result = as_floats(value)
     except (TypeError, ValueError, ArithmeticError, RecursionError):
         raise TypeError(f"{what} is {shown(value)}; give a number or a sequence of numbers.") from None
     if not np.isfinite(result).all():
@@ -490,7 +554,7 @@ def pair(value, what):
 def interval(value, what):
     """`value` as (lowest, highest), two floats that may be infinite."""
     try:
-        low, high = map(float, value)
+        low, high = map(as_float, value)
     except (TypeError, ValueError, ArithmeticError, RecursionError):
         raise TypeError(f"{what} is {shown(value)}; give two numbers, (lowest, highest).") from None
     if not low <= high:
@@ -578,6 +642,7 @@ def initial_state(x0, states, initial_memory, gone):
             if symbol is None:
                 raise ValueError(
                     f"`x0` names {name!r}, which is no state of this system; its states are {listing(names)}."
+                    + calls.hint(name, names)
                 )
             if symbol in given:
                 raise ValueError(f"`x0` gives {name!r} twice, as a Symbol and as a string; give it once.")
@@ -604,7 +669,7 @@ def initial_state(x0, states, initial_memory, gone):
 def span(t_span, what="`t_span`", backward=False):
     """`t_span` as two finite floats, increasing; with `backward` they may also decrease."""
     try:
-        t0, t1 = map(float, t_span)
+        t0, t1 = map(as_float, t_span)
     except (TypeError, ValueError, ArithmeticError, KeyError, RecursionError):
         raise TypeError(f"{what} is {shown(t_span)}; give two numbers, (start, end).") from None
     if not (math.isfinite(t0) and math.isfinite(t1) and (t0 < t1 or (backward and t0 > t1))):
@@ -618,7 +683,7 @@ def wanted_times(t_eval, t0, t1):
     if t_eval is None:
         return None
     try:
-        times = np.array(t_eval, float)  # the solution keeps it
+        times = as_floats(t_eval)  # the solution keeps it
     except (TypeError, ValueError, ArithmeticError):
         raise TypeError(f"`t_eval` is {shown(t_eval)}; give a sequence of times.") from None
     if times.ndim != 1 or times.size == 0:
@@ -657,7 +722,7 @@ def absolute_tolerance(atol, states):
         return f"give a number >= 0, or one for each of the states {listing(states)}"
 
     try:
-        result = np.asarray(atol, float)
+        result = as_floats(atol)
     except (TypeError, ValueError, ArithmeticError):
         raise TypeError(f"`atol` is {shown(atol)}; {remedy()}.") from None
     if result.shape not in ((), (len(states),)):

@@ -192,8 +192,7 @@ def explore(
 
 def need_websockets() -> None:
     """ImportError with the remedy where the extra is missing."""
-    if importlib.util.find_spec("websockets") is None:
-        raise ImportError("the page needs websockets: pip install 'pwsmooth[explore]'.")
+    checks.needs("websockets", "websockets>=15", "explore", "the page")
 
 
 def serve(

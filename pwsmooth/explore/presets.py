@@ -12,7 +12,7 @@ from typing import Any
 
 import sympy as sp
 
-from ..door import checks
+from ..door import calls, checks
 from ..noise.kicks import Kicks
 from ..scenes.drive import t
 from ..scenes.scene import Scene
@@ -186,7 +186,7 @@ PRESETS: dict[str, Preset] = {
 def preset_of(name: str) -> Preset:
     """The preset of that name; ValueError with all names."""
     if name not in PRESETS:
-        raise ValueError(f"`preset` is {name!r}; presets are {', '.join(PRESETS)}.")
+        raise ValueError(f"`preset` is {name!r}; presets are {', '.join(PRESETS)}." + calls.hint(name, PRESETS))
     return PRESETS[name]
 
 

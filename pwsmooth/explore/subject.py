@@ -19,7 +19,7 @@ from ..noise.diffusion import Diffusion
 from ..noise.kicks import Kicks
 from ..results.solution import Solution
 from ..scenes.scene import Scene
-from ..sweep.study import Names, Study, StudyError, SystemTable, known_laws, law_of, read_study, system_of
+from ..sweep.study import Names, Study, StudyError, SystemTable, law_of, read_study, system_of
 
 _T = sp.Symbol("t", real=True)
 _SIN, _COS = sp.sin(_T), sp.cos(_T)
@@ -113,7 +113,7 @@ class Subject:
         mine = law_of(self.made.law) if self.made and self.made.law else None
         if self.made is None or mine is None or mine.spins:  # laws that spin have no states
             return tuple(self.start)
-        bare = "Hertz" if "contact" in mine.__module__ else "Coulomb"
+        bare = "Hertz" if mine.kind == "contact" else "Coulomb"
         try:
             alone = named_subject(self.made.scene, bare, {}, self.made.arguments)
         except StudyError:  # it takes laws with states alone, and has none besides
@@ -247,6 +247,8 @@ def named_subject(
         path = file if folder is None else str(folder / file)
         line = f"scene = run_path({path!r})[{name!r}]{'()' * makes}"
         return _of_scene(what, code=("from runpy import run_path", line))
+    if scene.endswith(".py"):
+        raise StudyError(f"{scene} is a file: write {scene}:NAME, with the NAME of a scene in it.")
     usual = USUAL.get(scene, Made())
     chosen = law or usual.law
     values = dict({} if law else usual.values) | dict(values or {})
@@ -284,14 +286,9 @@ def laws_for(subject: Subject) -> list[str]:
     """The laws that fit where the subject has its own: of friction or of contact, with a form along its velocity."""
     if subject.made is None or subject.made.law is None:
         return []
-    mine = law_of(subject.made.law)
-    planar = ".planar" in getattr(scenes, subject.made.scene).__module__
-    same = ".".join(mine.__module__.split(".")[:3]) + "."
-    return [
-        name
-        for name, law in known_laws().items()
-        if law.__module__.startswith(same) and law.spins == mine.spins and (law.in_plane or not planar)
-    ]
+    names = getattr(scenes, subject.made.scene).tests["law"].names()
+    kind = law_of(subject.made.law).kind  # a scene that takes either kind keeps the one that it has
+    return [name for name in names if law_of(name).kind == kind]
 
 
 def _lines(

@@ -11,6 +11,7 @@ import functools
 import threading
 from typing import Any
 
+from ..door import checks
 from .bundle import module, style
 from .processes import SHOWN, Workers
 
@@ -41,6 +42,7 @@ def widget_of(explorer: Any) -> Any:
 
 @functools.cache
 def _class() -> Any:
+    checks.needs("anywidget", "anywidget>=0.9", "explore-notebook", "the widget")
     import anywidget  # an extra
 
     class Widget(anywidget.AnyWidget):

@@ -17,7 +17,7 @@ from ..door import checks
 from ..laws import Law
 from ..scenes import prescribed_motion
 from .fitting import fit
-from .records import Record
+from .records import Record, measured
 from .result import Fit
 
 __all__ = ["fit_law"]
@@ -27,6 +27,7 @@ __all__ = ["fit_law"]
     [*inspect.signature(fit).parameters][3:],
     law=checks.instance(Law, "a friction or contact law"), t=checks.numbers, motion=checks.numbers,
     kind=checks.one_of("position", "velocity"), free=checks.optional(checks.several), settle=checks.nonnegative,
+    force=measured,
 )  # fmt: skip
 def fit_law(
     law: Law,
@@ -82,7 +83,6 @@ def fit_law(
     >>> round(found.law.F_c, 6), round(found.law.sigma0, 2)
     (1.2, 80000.0)
     """
-    force = np.array(force, float)
     if not t.shape == motion.shape == force.shape:
         raise ValueError(
             f"`t`, `motion` and `force` have the shapes {t.shape}, {motion.shape}, {force.shape}; give one "

@@ -17,10 +17,10 @@ from ..door.describe import Described, Rows, listed, values
 __all__ = ["Record"]
 
 
-def _measured(value: Any, what: str) -> np.ndarray:
+def measured(value: Any, what: str) -> np.ndarray:
     """Floats, of which some may be nan: missing samples."""
     try:
-        found = np.array(value, float)
+        found = checks.as_floats(value)
     except (TypeError, ValueError):
         raise TypeError(
             f"{what} is {checks.shown(value)}; give a sequence of numbers, nan where one is missing."
@@ -87,7 +87,7 @@ class Record(Described):
         if not (np.diff(self.t) > 0).all():
             raise ValueError("`t` of Record does not increase; sort the samples, and give each time once.")
         columns = {
-            str(checks.named(name)): _measured(column, f"`values` of {name}")
+            str(checks.named(name)): measured(column, f"`values` of {name}")
             for name, column in self.values.items()
         }
         for name, column in columns.items():

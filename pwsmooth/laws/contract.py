@@ -196,6 +196,7 @@ class Law:
     spins: ClassVar[bool] = (
         False  # whether its velocity is that of a contact that spins, too: (v_x, v_y, omega)
     )
+    kind: ClassVar[str] = ""  # "friction" or "contact"; a law without it is taken by scenes of either
     needs: ClassVar[tuple[str, ...]] = ()  # of "position", "acceleration": inputs besides the velocity
 
     def __init_subclass__(cls) -> None:

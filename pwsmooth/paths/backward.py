@@ -64,7 +64,7 @@ def solve_backward(
     return Solution(
         system, -t, x, mult, status, [_forward(e) for e in events[::-1]], None,
         whole.outcome if end is None else Outcome.IRREVERSIBLE, whole.cost, whole.tolerances, [], system.parameters,
-        through,
+        through, backward=True,
     )  # fmt: skip
 
 

@@ -47,6 +47,7 @@ def pack(solution: Any) -> bytes:
         "system": tree.write(solution.system._written()),
         "parameters": solution.parameters,
         "outcome": solution.outcome.name,
+        "backward": solution.backward,
         "cost": solution.cost,
         "tolerances": solution.tolerances,
         "event kinds": list(kinds),
@@ -132,6 +133,7 @@ def _arguments(text: dict[str, Any], arrays: dict[str, np.ndarray]) -> dict[str,
         ],
         "parameters": text["parameters"],
         "course": course,
+        "backward": bool(text.get("backward", False)),
     }
 
 

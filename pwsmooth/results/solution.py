@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,9 +17,10 @@ import sympy as sp
 from ..definition.families.many import Numbers, Symbols
 from ..definition.model import Model
 from ..definition.views import substitutes
-from ..door import checks
+from ..door import calls, checks
 from ..door.describe import Described, Rows, listed, values
 from . import outputs
+from .blow_up import blow_up_in_words
 from .records import KINDS, Ambiguity, AmbiguityLog, Dense, EventLog, EventRecord, Listed, Outcome, Segment
 
 if TYPE_CHECKING:
@@ -28,6 +29,17 @@ if TYPE_CHECKING:
 
     from .sampling import Sampled
 
+# What SciPy's solutions have, and where it is here.
+_SCIPY = {
+    "t_events": "take `event_times()`, or `events`, which say more",
+    "y_events": "take `events`, and the columns at their times",
+    "sol": "call it, solution(t), after solve(..., dense_output=True)",
+    "nfev": "it is in `cost`",
+    "njev": "it is in `cost`",
+    "nlu": "it is in `cost`",
+    "ts": "times are `t`",
+    "ys": "states are `x`, and solution[name] is one of them",
+}
 MANY = 64  # multipliers, whose itinerary nobody reads
 _FOLLOWING = "algebraic", "component"  # multipliers that follow the state or a disc, and have no word in it
 
@@ -72,6 +84,8 @@ class Solution(Described):
     course : (ndarray, shape (k,), and ndarray, shape (m, k)), optional
         Times and statuses of the run from its start to its end, both sides of every event, where the columns are
         others (`t_eval`).
+    backward : bool
+        Whether the run went back in time, from the last column to the first.
 
     Attributes
     ----------
@@ -118,6 +132,7 @@ class Solution(Described):
         ambiguities: Sequence[Ambiguity],
         parameters: Mapping[Any, float],
         course: tuple[np.ndarray, np.ndarray] | None = None,
+        backward: bool = False,
     ) -> None:
         self.system = system
         self.t = np.asarray(t, dtype=float)
@@ -125,6 +140,7 @@ class Solution(Described):
         self.x, self.mult = _rows(x, float, nt), _rows(mult, float, nt)
         self.status = _rows(status, np.int8, nt)
         self.course = course and (course[0], _rows(course[1], np.int8, len(course[0])))
+        self.backward = backward
         self.events = events if isinstance(events, EventLog) else Listed(events)
         self.dense = dense
         self.outcome = outcome
@@ -168,6 +184,8 @@ class Solution(Described):
     @property
     def message(self) -> str:
         """The outcome in words, with what to try next."""
+        if self.outcome in (Outcome.STEP_UNDERFLOW, Outcome.NOT_FINITE) and (blow_up := blow_up_in_words(self)):
+            return f"{self.outcome.name.lower().replace('_', ' ')}: {blow_up}"
         named = {Outcome.SINGULAR_POINT: -1, Outcome.IRREVERSIBLE: 0}
         if self.outcome not in named or not self.events:
             return str(self.outcome)
@@ -255,6 +273,23 @@ class Solution(Described):
         names = ", ".join((*self._shown, *self.multipliers, *self.outputs))
         return f"no state, multiplier or output of this solution; they are {names}."
 
+    def __iter__(self) -> Iterator[str]:
+        """The names that indexing takes, but for the time."""
+        return iter((*self._shown, *self.multipliers, *self.outputs))
+
+    def __contains__(self, name: Any) -> bool:
+        """Whether indexing takes a name (or Symbol)."""
+        known = ("t", str(self.model.time), *self.states, *self.multipliers, *self.outputs)
+        return str(checks.named(name)) in known
+
+    def __getattr__(self, name: str) -> Any:
+        """What is meant where an attribute does not exist: SciPy's names, and misspelt ones."""
+        if name in dir(type(self)):  # one that exists, and failed inside
+            return object.__getattribute__(self, name)
+        if remedy := _SCIPY.get(name):
+            raise AttributeError(f"a Solution has no `{name}`: {remedy}.")
+        raise AttributeError(f"a Solution has no `{name}`." + calls.hint(name, _public(type(self))))
+
     def __getitem__(self, name: Any) -> np.ndarray:
         """A state, multiplier or output by name (or Symbol), at the solution's times; "t" gives the times."""
         name = checks.named(name)
@@ -302,7 +337,10 @@ class Solution(Described):
                 f"`t` reaches from {flat.min():.9g} to {flat.max():.9g}: it leaves the solved span [{self.t[0]:.9g}, "
                 f"{self.t[-1]:.9g}]. Ask within it, or solve further."
             )
-        x, mult = self.dense(flat)
+        if self.t[-1] > self.t[0]:
+            x, mult = self.dense(flat)
+        else:  # a run that ended at its start
+            x, mult = (np.repeat(rows[:, -1:], len(flat), axis=1) for rows in (self.x, self.mult))
         last = flat == self.t[-1]
         # No step begins there, but an event may have acted.
         x[:, last], mult[:, last] = self.x[:, -1:], self.mult[:, -1:]
@@ -388,16 +426,24 @@ class Solution(Described):
         if found.size:
             return found
         if kind is not None and kind not in KINDS and not times(kind, None).size:
-            raise ValueError(f"`kind` is {checks.shown(kind)}; kinds of events are {', '.join(KINDS)}.")
+            if kind in self._switches:
+                raise ValueError(f"`kind` is {kind!r}, a switch, a contact or an event: give switch={kind!r}.")
+            near = calls.hint(kind, KINDS)
+            raise ValueError(f"`kind` is {checks.shown(kind)}; kinds of events are {', '.join(KINDS)}.{near}")
         if switch is not None and not times(None, switch).size:
-            events = (event.name for event in self.model.events if event.recorded)
-            names = [*self.multipliers, *events, *substitutes(self.system)]
+            names = self._switches
             if str(switch) not in names:
                 raise ValueError(
                     f"`switch` is {checks.shown(str(switch))}, no switch, contact or event of this system; they are "
-                    f"{', '.join(listed(names)) or 'none'}."
+                    f"{', '.join(listed(names)) or 'none'}." + calls.hint(switch, names)
                 )
         return found
+
+    @property
+    def _switches(self) -> list[str]:
+        """Names that stand in events: switches, contacts, unknowns, recorded events."""
+        events = (event.name for event in self.model.events if event.recorded)
+        return [*self.multipliers, *events, *substitutes(self.system)]
 
     # ---- other forms -------------------------------------------------------------------------------
 
@@ -757,9 +803,11 @@ class Solution(Described):
         else:
             shown = f"of {len(self.mult)} multipliers; see `segments` and `events`"
         kinds = Counter(event.kind for event in self.events)
+        first, last = f"{self.t[0]:.9g}", f"{self.t[-1]:.9g}"
+        span = f"{last} to {first}, backward in time" if self.backward else f"{first} to {last}"
         return f"Solution: {self.message}", {
-            "time": [f"{self.t[0]:.9g} to {self.t[-1]:.9g}, {len(self.t)} columns"],
-            "end": values(self._shown, self.x[:, -1]),
+            "time": [f"{span}, {len(self.t)} column{'s' * (len(self.t) != 1)}"],
+            "end": values(self._shown, self.x[:, 0 if self.backward else -1]),
             "events": listed([f"{count} {kind}" for kind, count in kinds.items()]) or ["none"],
             "itinerary": [shown],
             "cost": listed([f"{k} {v}" for k, v in self.cost.items()]),
@@ -767,6 +815,12 @@ class Solution(Described):
             "noise": [] if self.noise is None else [str(self.noise)],
             "ambiguities": list(map(str, self.ambiguities)),
         }.items()
+
+
+def _public(cls: type) -> list[str]:
+    return [
+        name for name in (*dir(cls), "t", "x", "mult", "status", "events", "cost") if not name.startswith("_")
+    ]
 
 
 @functools.lru_cache(maxsize=256)

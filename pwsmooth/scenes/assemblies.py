@@ -25,7 +25,7 @@ from ..door import checks
 from ..laws import Law
 from ..system import System
 from . import sketches
-from .drive import check_continuous, door, expression, t
+from .drive import OF_FRICTION, check_continuous, door, expression, t
 from .scene import Scene, scene_of
 
 mass, spring, link, speed = sp.symbols("mass spring coupling pull", positive=True)
@@ -47,7 +47,14 @@ def _blocks(name, law, family, stretch, values, rough, seed, t_span, in_a_row=Fa
     )  # fmt: skip
 
 
-@door("m", n=checks.integer(2, 10**7), seed=checks.integer(0, 2**31), periodic=checks.flag, **_NUMBERS)
+@door(
+    "m",
+    law=OF_FRICTION,
+    n=checks.integer(2, 10**7),
+    seed=checks.integer(0, 2**31),
+    periodic=checks.flag,
+    **_NUMBERS,
+)
 def block_train(
     law: Law, *, n: int = 20, k: float = 1.0, coupling: float = 2.0, m: float = 1.0, pull: float = 0.1,
     rough: float = 0.5, seed: int = 0, periodic: bool = False, t_span: tuple[float, float] = (0.0, 60.0),
@@ -90,7 +97,7 @@ def block_train(
     )  # fmt: skip
 
 
-@door("m", seed=checks.integer(0, 2**31), periodic=checks.flag, **_NUMBERS)
+@door("m", law=OF_FRICTION, seed=checks.integer(0, 2**31), periodic=checks.flag, **_NUMBERS)
 def block_lattice(
     law: Law, *, shape: tuple[int, ...] = (6, 6), k: float = 1.0, coupling: float = 0.5, m: float = 1.0,
     pull: float = 0.1, rough: float = 0.5, seed: int = 0, periodic: bool = False,
@@ -425,7 +432,7 @@ def rate_state_train(
     )  # fmt: skip
 
 
-@door("period", "parameters")
+@door("period", "parameters", law=OF_FRICTION)
 def element_cloud(
     law: Law, *, position: Any, t_span: tuple[float, float] = (0.0, 20.0), period: float | None = None,
     parameters: Any = None,

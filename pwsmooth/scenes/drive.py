@@ -14,23 +14,27 @@ import sympy as sp
 from ..definition.drives import Drive
 from ..definition.lambdified import numpy_function
 from ..door import checks
-from ..laws import Law
+from ..laws.catalogue import Takes
 
 #: Time in every scene, s: drives are expressions of it.
 t = sp.Symbol("t", real=True)
 
 
+#: Which laws scenes take; as tests of `law` they say why another one has no place.
+OF_FRICTION, OF_CONTACT = Takes("friction"), Takes("contact")
+IN_PLANE, SPINNING = Takes("friction", in_plane=True), Takes("friction", spins=True)
+
 #: Checks of the arguments that scenes share.
 DOOR: dict[str, checks.Check] = {
-    "law": checks.instance(Law, "a law of pwsmooth.laws, such as Coulomb()"), "m": checks.positive,
+    "m": checks.positive,
     "t_span": lambda value, what: value if value is None else checks.span(value, what),
     "period": checks.optional(checks.positive), "parameters": checks.optional(checks.values), "start": checks.pair,
 }  # fmt: skip
 
 
 def door(*shared: str, **tests: checks.Check) -> Any:
-    """checks.door of `law`, `t_span`, the `shared` ones, and of numbers or what else is given."""
-    return checks.door(**{name: DOOR[name] for name in ("law", "t_span", *shared)}, **tests)
+    """checks.door of `t_span`, the `shared` ones, and of laws, numbers or what else is given."""
+    return checks.door(**{name: DOOR[name] for name in ("t_span", *shared)}, **tests)
 
 
 def expression(value: Any, what: str) -> sp.Expr:

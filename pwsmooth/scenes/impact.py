@@ -16,7 +16,7 @@ import sympy as sp
 from ..door import checks
 from ..laws import Law
 from . import sketches
-from .drive import door, expression, t
+from .drive import OF_CONTACT, door, expression, t
 from .scene import Scene, scene_of
 
 p, v = sp.symbols("p v", real=True)
@@ -24,7 +24,7 @@ mass, gravity, spring, damper, gap = sp.symbols("mass gravity spring damper gap"
 UNITS = {"p": "m", "v": "m/s", "force": "N", "energy": "J", "mass": "kg", "gravity": "m/s^2"}
 
 
-@door("m", speed=checks.positive, approach=checks.nonnegative)
+@door("m", law=OF_CONTACT, speed=checks.positive, approach=checks.nonnegative)
 def free_impact(
     law: Law,
     *,
@@ -60,7 +60,7 @@ def free_impact(
     return _scene("free impact", law, sp.S.Zero, start, t_span, {mass: m}, speed=speed)
 
 
-@door("m", height=checks.positive, g=checks.positive)
+@door("m", law=OF_CONTACT, height=checks.positive, g=checks.positive)
 def falling_ball(
     law: Law,
     *,
@@ -109,7 +109,13 @@ def falling_ball(
     return scene
 
 
-@door("m", "start", omega=checks.positive, **dict.fromkeys(("d", "k", "c", "amplitude"), checks.number))
+@door(
+    "m",
+    "start",
+    law=OF_CONTACT,
+    omega=checks.positive,
+    **dict.fromkeys(("d", "k", "c", "amplitude"), checks.number),
+)
 def impact_oscillator(
     law: Law,
     *,
@@ -190,7 +196,7 @@ def grazing_amplitude(d: float, k: float, c: float, m: float, omega: float) -> f
     return d * math.hypot(k - m * omega**2, c * omega)
 
 
-@door("m", "parameters", p0=checks.number)
+@door("m", "parameters", law=OF_CONTACT, p0=checks.number)
 def pressed_block(
     law: Law,
     force: Any,

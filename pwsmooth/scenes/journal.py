@@ -20,6 +20,7 @@ from ..definition.primitives import Event, Memory
 from ..door import checks
 from ..door.documenting import complete
 from ..laws import Law, Pieces
+from .drive import OF_CONTACT, OF_FRICTION
 
 __all__ = ["ClearanceJoint", "clearance_joint"]
 
@@ -72,7 +73,7 @@ def _two(value: Any, what: str) -> tuple[sp.Expr, ...]:
 
 @checks.door(
     e=_two, rate=_two, **dict.fromkeys(("c", "R_B", "R_J", "spin_B", "spin_J"), checks.expression), name=checks.name,
-    normal=checks.instance(Law, "a contact law"), tangential=checks.optional(checks.instance(Law, "a friction law")),
+    normal=OF_CONTACT, tangential=checks.optional(OF_FRICTION),
 )  # fmt: skip
 def clearance_joint(
     e: Sequence[Any],

@@ -19,7 +19,7 @@ import sympy as sp
 from ..definition.drives import Drive
 from ..door import checks
 from ..laws import Law
-from .drive import check_continuous, door, expression, t, value, within
+from .drive import IN_PLANE, check_continuous, door, expression, t, value, within
 from .scene import Scene, scene_of
 
 x, y, v_x, v_y = sp.symbols("x y v_x v_y", real=True)
@@ -53,7 +53,7 @@ def _two_of(*names: str) -> dict[str, checks.Check]:
     return dict.fromkeys(names, checks.pair)
 
 
-@door("m", velocity=checks.pair, slope=checks.number, g=checks.positive)
+@door("m", law=IN_PLANE, velocity=checks.pair, slope=checks.number, g=checks.positive)
 def incline(
     law: Law, *, slope: float = 0.5, velocity: Sequence[float] = (0.0, 1.0), m: float = 1.0, g: float = 9.81,
     t_span: tuple[float, float] = (0.0, 5.0),
@@ -96,7 +96,14 @@ def incline(
                   normal=mass * gravity * sp.cos(angle))  # fmt: skip
 
 
-@door("m", "period", g=checks.positive, lift=checks.optional(checks.expression), **_two_of("tilt", "velocity"))
+@door(
+    "m",
+    "period",
+    law=IN_PLANE,
+    g=checks.positive,
+    lift=checks.optional(checks.expression),
+    **_two_of("tilt", "velocity"),
+)
 def shaken_plate(
     law: Law, plate: Any, *, lift: Any = None, tilt: Sequence[float] = (0.0, 0.0),
     velocity: Sequence[float] = (0.0, 0.0), m: float = 1.0, g: float = 9.81, period: float | None = None,
@@ -157,7 +164,7 @@ def shaken_plate(
                   plate=moves, period=period, place=place, outputs={"load": load})  # fmt: skip
 
 
-@door("m", **dict.fromkeys(("lean", "heading"), checks.number), tilt=checks.pair,
+@door("m", law=IN_PLANE, **dict.fromkeys(("lean", "heading"), checks.number), tilt=checks.pair,
       **dict.fromkeys(("stroke", "omega", "g"), checks.positive))  # fmt: skip
 def bristle_bot(
     law: Law, *, lean: float = 0.5, stroke: float = 1e-3, omega: float = 90.0, heading: float = 0.0,
@@ -214,7 +221,9 @@ def bristle_bot(
     )
 
 
-@door("m", "period", **dict.fromkeys(("k", "c"), checks.nonnegative), **_two_of("start", "velocity"))
+@door(
+    "m", "period", law=IN_PLANE, **dict.fromkeys(("k", "c"), checks.nonnegative), **_two_of("start", "velocity")
+)
 def planar_oscillator(
     law: Law, force: Any, *, k: float = 1.0, c: float = 0.0, m: float = 1.0, start: Sequence[float] = (0.0, 0.0),
     velocity: Sequence[float] = (0.0, 0.0), normal: Any = None, period: float | None = None,
@@ -272,7 +281,7 @@ def planar_oscillator(
                   period=period, drives=drives, outputs=shown)  # fmt: skip
 
 
-@door("m", "period", **dict.fromkeys(("k", "c"), checks.nonnegative), start=checks.pair)
+@door("m", "period", law=IN_PLANE, **dict.fromkeys(("k", "c"), checks.nonnegative), start=checks.pair)
 def pulled_block(
     law: Law, path: Any, *, plate: Any = (0, 0), k: float = 1.0, c: float = 0.0, m: float = 1.0,
     start: Sequence[float] = (0.0, 0.0), normal: Any = None, period: float | None = None,

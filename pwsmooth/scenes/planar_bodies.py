@@ -14,7 +14,7 @@ import sympy as sp
 
 from ..door import checks
 from ..laws import Law
-from .drive import door, expression, t
+from .drive import IN_PLANE, SPINNING, door, expression, t
 from .planar import mass, two, v_x, v_y, x, y
 from .scene import Scene, scene_of
 
@@ -22,16 +22,7 @@ turn, spin, omega_x, omega_y = sp.symbols("turn spin omega_x omega_y", real=True
 about = sp.Symbol("inertia", positive=True)
 
 
-def _spins(law: Law) -> None:
-    """A ValueError for a law of a contact that does not spin."""
-    if not law.spins:
-        raise ValueError(
-            f"`law` is {type(law).__name__}, which knows no spin; give Contensou or LimitEllipsoid, or take another "
-            "scene."
-        )
-
-
-@door("m", velocity=checks.pair, spin=checks.number, inertia=checks.positive, push=checks.numbers)
+@door("m", law=SPINNING, velocity=checks.pair, spin=checks.number, inertia=checks.positive, push=checks.numbers)
 def spinning_disc(
     law: Law, *, velocity: Sequence[float] = (1.0, 0.0), spin: float = 1.0, m: float = 1.0, inertia: float = 0.5,
     push: Sequence[float] = (0.0, 0.0, 0.0), t_span: tuple[float, float] = (0.0, 5.0),
@@ -65,7 +56,6 @@ def spinning_disc(
     >>> print(f"{thrown.event_times('stick')[0]:.9f}")
     1.040528902
     """
-    _spins(law)
     if len(push) != 3:
         raise ValueError(f"`push` has {len(push)} components; give two forces and a moment.")
     rate = sp.Symbol("spin", real=True)  # `spin` is its start here
@@ -82,7 +72,13 @@ def spinning_disc(
                     outputs=shown)  # fmt: skip
 
 
-@door("m", grip=checks.expression, arm=checks.number, **dict.fromkeys(("inertia", "g"), checks.positive))
+@door(
+    "m",
+    law=SPINNING,
+    grip=checks.expression,
+    arm=checks.number,
+    **dict.fromkeys(("inertia", "g"), checks.positive),
+)
 def gripped_bar(
     law: Law, grip: Any, *, arm: float = 0.05, m: float = 1.0, inertia: float = 0.01, g: float = 9.81,
     t_span: tuple[float, float] = (0.0, 2.0),
@@ -122,7 +118,6 @@ def gripped_bar(
     >>> print(f"{80 - 20 * run.events[0].time:.6f} {9.81 / 0.5 * (1 + (0.05 / 0.02)**2)**0.5:.6f}")
     52.828467 52.828467
     """
-    _spins(law)
     load = expression(grip, "grip")
     weight = sp.Symbol("gravity", nonnegative=True)
     slip = (v_x + spin * y, v_y - spin * x, spin)
@@ -137,8 +132,8 @@ def gripped_bar(
 
 
 @door(
-    "m", velocity=checks.pair, spins=checks.pair, **dict.fromkeys(("radius", "inertia", "g"), checks.positive),
-    rolling=checks.optional(checks.instance(Law, "a law of pwsmooth.laws, such as RollingResistance()")),
+    "m", law=IN_PLANE, velocity=checks.pair, spins=checks.pair, rolling=checks.optional(IN_PLANE),
+    **dict.fromkeys(("radius", "inertia", "g"), checks.positive),
 )  # fmt: skip
 def billiard_ball(
     law: Law, *, velocity: Sequence[float] = (1.0, 0.0), spins: Sequence[float] = (0.0, 0.0), radius: float = 1.0,
@@ -191,6 +186,7 @@ def billiard_ball(
 
 
 @door(
+    law=IN_PLANE,
     swivel=checks.number,
     **dict.fromkeys(("speed", "trail", "radius", "inertia", "wheel", "load"), checks.positive),
 )
@@ -253,8 +249,7 @@ def caster(
 
 
 @door(
-    ground=checks.instance(Law, "a law of pwsmooth.laws, such as Coulomb()"),
-    **dict.fromkeys(("masses", "block", "plate"), checks.pair), g=checks.positive,
+    law=IN_PLANE, ground=IN_PLANE, **dict.fromkeys(("masses", "block", "plate"), checks.pair), g=checks.positive,
 )  # fmt: skip
 def stacked_plates(
     law: Law, ground: Law, *, force: Any = (0, 0), masses: Sequence[float] = (1.0, 1.0),

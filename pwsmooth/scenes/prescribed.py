@@ -13,13 +13,14 @@ import sympy as sp
 from ..definition.drives import Drive
 from ..door import checks
 from ..laws import Law
+from ..laws.catalogue import Takes
 from .drive import check_continuous, door, expression, t, value, within
 from .scene import Scene, scene_of
 
 done = sp.Symbol("work", real=True)
 
 
-@door("period", "parameters", work=checks.flag)
+@door("period", "parameters", law=Takes(spins=None), work=checks.flag)
 def prescribed_motion(
     law: Law,
     *,

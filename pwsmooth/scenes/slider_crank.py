@@ -24,7 +24,7 @@ from ..laws import Law
 from ..laws.contact import LiuImpact, composite_modulus
 from ..laws.friction import ModifiedCoulomb
 from . import sketches
-from .drive import t
+from .drive import OF_CONTACT, OF_FRICTION, t
 from .journal import clearance_joint
 from .scene import Scene, scene_of
 
@@ -48,7 +48,7 @@ _LENGTHS = ("rpm", "crank", "rod", "rod_mass", "rod_inertia", "slider_mass")
 
 
 @checks.door(
-    normal=checks.optional(checks.instance(Law, "a contact law")), c_r=checks.number, gravity=checks.number,
+    normal=checks.optional(OF_CONTACT), c_r=checks.number, gravity=checks.number,
     start=checks.pair, **dict.fromkeys(("clearance", "bearing", "revolutions", *_LENGTHS), checks.positive),
 )  # fmt: skip
 def slider_crank(
@@ -136,7 +136,7 @@ def slider_crank(
     if isinstance(tangential, str):
         tangential = checks.one_of("modified Coulomb")(tangential, "`tangential`, if no law,")
         tangential = ModifiedCoulomb(F_c=FRICTION)
-    checks.optional(checks.instance(Law, "a friction law, or None"))(tangential, "`tangential`")
+    checks.optional(OF_FRICTION)(tangential, "`tangential`")
 
     joint, rates, outputs = _equations(normal, tangential, g if gravity else sp.S.Zero)
     values = {omega: 2 * math.pi * rpm / 60, r: crank, l: rod, m_2: rod_mass, I_2: rod_inertia, m_3: slider_mass,

@@ -18,7 +18,7 @@ from ..definition.primitives import Algebraic
 from ..door import checks
 from ..laws import Law
 from . import sketches
-from .drive import door, expression, t, within
+from .drive import OF_FRICTION, door, expression, t, within
 from .scene import Scene, scene_of
 
 x, v, e, y, i, a = sp.symbols("x v elongation y integral acceleration", real=True)
@@ -47,7 +47,7 @@ def _reach(law, k):
     return max((abs(f) for f in forces if isinstance(f, (int, float))), default=1.0) / (abs(k) or 1.0) or 1.0
 
 
-@door("m", "period", "parameters")
+@door("m", "period", "parameters", law=OF_FRICTION)
 def force_driven(
     law: Law, force: Any, *, m: float = 1.0, normal: Any = None, t_span: tuple[float, float] | None = None,
     period: float | None = None, parameters: Mapping[Any, float] | None = None,
@@ -92,7 +92,7 @@ def force_driven(
                   parameters=values, drives=drives)  # fmt: skip
 
 
-@door("m", **dict.fromkeys(("k", "pull", "c"), checks.number))
+@door("m", law=OF_FRICTION, **dict.fromkeys(("k", "pull", "c"), checks.number))
 def block_on_belt(
     law: Law, *, k: float = 2.0, pull: float = 0.1, m: float = 1.0, c: float = 0.0, normal: Any = None,
     t_span: tuple[float, float] = (0.0, 35.0),
@@ -134,7 +134,7 @@ def block_on_belt(
                   sketch=sketches.block_on_belt(e, speed, _reach(law, k), "lam"))  # fmt: skip
 
 
-@door("m", "start", **dict.fromkeys(("k", "c", "amplitude", "omega"), checks.number))
+@door("m", "start", law=OF_FRICTION, **dict.fromkeys(("k", "c", "amplitude", "omega"), checks.number))
 def friction_oscillator(
     law: Law, *, k: float = 3.1, c: float = 0.1, m: float = 1.0, amplitude: float = 2.4, omega: float = 1.0,
     normal: Any = None, t_span: tuple[float, float] = (0.0, 60.0), start: tuple[float, float] = (0.5, 0.3),
@@ -171,7 +171,9 @@ def friction_oscillator(
                   sketch=sketches.block_on_spring(y, reach, abs(amplitude) or 1.0, "lam"))  # fmt: skip
 
 
-@door("m", **dict.fromkeys(("target", "proportional", "derivative", "integral"), checks.number))
+@door(
+    "m", law=OF_FRICTION, **dict.fromkeys(("target", "proportional", "derivative", "integral"), checks.number)
+)
 def position_control(
     law: Law, *, target: float = 1.0, proportional: float = 3.0, derivative: float = 6.0, integral: float = 4.0,
     m: float = 1.0, normal: Any = None, t_span: tuple[float, float] = (0.0, 100.0),

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..door import checks
+from ..door import calls, checks
 
 POINT = "point"  # the dimension of a list
 
@@ -111,13 +111,13 @@ def _identify(system, key, what):
     raise ValueError(
         f"`{what}` names {name!r}, which is no parameter, state or time of this system; parameters are "
         f"{checks.listing(system.parameters)}; states are {checks.listing(system.states)}; noise has 'seed' and "
-        "'trajectory'."
+        "'trajectory'." + calls.hint(name, [*system.parameters, *system.states])
     )
 
 
 def _numbers(system, name, kind, symbol, numbers, what):
     try:
-        array = np.array(numbers, dtype=np.int64 if kind == "noise" else float)
+        array = np.array(numbers, dtype=np.int64) if kind == "noise" else checks.as_floats(numbers)
     except (TypeError, ValueError, OverflowError):
         raise TypeError(
             f"`{what}` of {name!r} is {checks.shown(numbers)}; give a sequence of numbers."

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..analysis.maps.poincare import RETURN
-from ..door import checks
+from ..door import calls, checks
 from .contract import Measure, integer, real
 from .functions import Cost, Function, Lyapunov
 from .of_solution import segments_in, strobes
@@ -209,6 +209,7 @@ def measure_from_text(text: str) -> Measure:
     if not match or match[1] not in _BY_NAME:
         raise ValueError(
             f"`text` is {text!r}, no measure; they are {', '.join(_BY_NAME)}, some with names: amplitude(y)."
+            + calls.hint(match[1] if match else text, _BY_NAME)
         )
     kind, names = _BY_NAME[match[1]], [name.strip() for name in (match[2] or "").split(",") if name.strip()]
     if names and not issubclass(kind, (OfQuantities, Points)):

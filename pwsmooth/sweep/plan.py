@@ -21,7 +21,7 @@ from ..analysis.maps.sections import LONGEST, section_of, watching
 from ..definition.families.recording import Recorder
 from ..definition.lambdified import numpy_function
 from ..definition.model import EventSpec
-from ..door import checks
+from ..door import calls, checks
 from ..kernels.sweeping.state import NO_RETURN
 from ..noise.diffusion import Diffusion
 from ..noise.kicks import Kicks
@@ -188,16 +188,16 @@ def read_plan(
     """The checked plan and axes; `system` is a System or a scene."""
     if hasattr(system, "system") and hasattr(system, "start"):
         scene, system = system, system.system
-        start, units = (
-            checks.optional(checks.mapping)(e, f"`{n}`") for n, e in (("start", start), ("units", units))
-        )
+        start = checks.optional(checks.mapping)(start, "`start`")
         start = {**scene.start, **{str(k): v for k, v in (start or {}).items()}}
-        units = {**getattr(scene, "units", {}), **(units or {})}
+        units = {**getattr(scene, "units", {}), **check_units(system, units)}
         if getattr(scene, "atol", None) and "atol" not in options:
             options = {**options, "atol": [scene.atol.get(str(s), _ATOL) for s in system.states]}
         if period is None and t_span is None and section is None:
             period, t_span = scene.period, None if scene.period else scene.t_span
-    checks.system(system, "`system`")
+    else:
+        checks.system(system, "`system`")
+        units = check_units(system, units)
     if options.get("record") is None:
         system = system._without_levels()
     checks.optional(checks.instance((Kicks, Diffusion), "Kicks(...) or Diffusion(...)"))(noise, "`noise`")
@@ -252,7 +252,7 @@ def read_plan(
     if more := {name: e for measure in chosen for name, e in measure.outputs.items()}:
         system = system._extended({}, more)
     strobed_by = "period" if period is not None else "return" if section is not None else ""
-    setting = _setting(system, chosen, periods, strobed_by, _unit_names(units))
+    setting = _setting(system, chosen, periods, strobed_by, tuple(sorted(units.items())))
     plan = Plan(
         system=system, start=tuple(initial), kinds=tuple(where.kinds.items()), t0=t0, span=span,
         measure_from=measure_from, period=period, transient=transient, periods=periods, measures=chosen,
@@ -295,9 +295,21 @@ def _measure(item):
     )
 
 
-def _unit_names(units):
+def check_units(system, units):
+    """`units` as a dict of text; ValueError for a name that the system, or what it is a view of, does not have."""
     given = checks.mapping({} if units is None else units, "`units`", "names to units, such as {'k': 'N/m'}")
-    return tuple(sorted((str(k), str(v)) for k, v in given.items()))
+    known = {str(system.model.time or "t"): None}
+    while system is not None:
+        model = system.model
+        symbols = (*model.states, *system.parameters, *(mu.symbol for mu in model.multipliers))
+        known |= dict.fromkeys([*map(str, symbols), *(str(name) for name, _ in model.outputs), *system.groups])
+        system = system._view.original if system._view else None
+    for name in map(str, given):
+        if name not in known:
+            near = calls.closest(name, known)
+            remedy = f"did you mean {near!r}?" if near else f"they are {', '.join(known)}."
+            raise ValueError(f"`units` names {name!r}, which is no parameter, state, output or time; {remedy}")
+    return {str(key): str(unit) for key, unit in given.items()}
 
 
 def _setting(system, measures, periods, strobed_by, units):
@@ -317,7 +329,7 @@ def _setting(system, measures, periods, strobed_by, units):
             if name not in (*states, *names, *outputs):
                 raise ValueError(
                     f"`measures` names {name!r}, which is no state, multiplier or output of this system; they are "
-                    f"{', '.join((*states, *names, *outputs))}."
+                    f"{', '.join((*states, *names, *outputs))}." + calls.hint(name, (*states, *names, *outputs))
                 )
             quantities[name] = quantities.get(name, 0) | measure.bits
         lacking = [n for n in measure.names if n not in states] if isinstance(measure, Points) else []

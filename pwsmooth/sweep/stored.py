@@ -99,10 +99,9 @@ def read_store(path: Any) -> xarray.Dataset:
 
 
 def zarr_itself() -> Any:
-    try:
-        import zarr
-    except ImportError as error:
-        raise ImportError("`store` needs zarr, 3.1 or newer: pip install 'zarr>=3.1'.") from error
+    checks.needs("zarr", "zarr>=3.1", "store", "`store`")
+    import zarr
+
     return zarr
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import importlib.util
 import inspect
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -18,7 +18,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
 from ..analysis.maps.sections import LONGEST
-from ..door import checks
+from ..door import calls, checks
+from ..laws.catalogue import known_laws
 
 _HELPERS = ("assemble", "chain_of_blocks", "grazing_amplitude")  # functions among the scenes that make none
 
@@ -130,8 +131,9 @@ def read_study(path: Any, kind: Any = Study) -> Any:
             known = ""
             if item["type"] == "extra_forbidden":
                 table = SystemTable if keys[0] == "system" else Spaced if len(keys) > 1 else kind
-                fields = (f.alias or n for n, f in table.model_fields.items())
-                known = f"; keys there are {', '.join(fields)}"
+                fields = [f.alias or n for n, f in table.model_fields.items()]
+                near = calls.closest(keys[-1], fields)
+                known = f"; did you mean {near}?" if near else f"; keys there are {', '.join(fields)}"
             value = "" if item["type"] in ("missing", "extra_forbidden") else f" (here: {item['input']!r})"
             what = "no such key" if known else item["msg"].removeprefix("Value error, ")
             lines.append(f"{path}{_line(text, keys)}: {'.'.join(keys) or 'study'}: {what}{value}{known}")
@@ -191,9 +193,10 @@ class Names(NamedTuple):
         try:
             spec.loader.exec_module(module)
         except Exception as error:  # a user's file may raise anything
-            raise StudyError(f"{key}: {where} raised {type(error).__name__}: {error}.") from error
+            said = f"{type(error).__name__}: {str(error).rstrip('.')}.{calls.symbols_hint(error)}"
+            raise StudyError(f"{key}: {where} raised {said}") from error
         if not hasattr(module, name):
-            raise StudyError(f"{key}: {where} has no {name!r}.")
+            raise StudyError(f"{key}: {where} has no {name!r}." + calls.hint(name, vars(module)))
         return getattr(module, name)
 
 
@@ -233,12 +236,38 @@ def system_of(table: SystemTable, names: Names) -> Any:
     else:
         known = known_scenes()
         if table.scene not in known:
-            raise StudyError(f"system.scene is {table.scene!r}; scenes are {', '.join(known)}.")
+            raise StudyError(f"system.scene is {table.scene!r}{_meant(table.scene, known, 'scenes')}")
         arguments = dict(table.arguments)
-        if table.law is not None:
-            arguments["law"] = _call(law_of(table.law), table.law_parameters, "system.law_parameters")
+        if law := _law(known[table.scene], table):
+            arguments["law"] = law
         system = _call(known[table.scene], arguments, "system.arguments")
     return _viewed(system, table)
+
+
+def _meant(name: str | None, known: Iterable[str], kind: str) -> str:
+    """ "; did you mean ...?", or all names where none is near."""
+    known = list(known)
+    near = calls.closest(name or "", known)
+    return f"; did you mean {near!r}?" if near else f"; {kind} are {', '.join(known)}."
+
+
+def _law(scene: Any, table: SystemTable) -> Any:
+    """The law of a scene; None of one that takes none. StudyError for one that does not fit, or is missing."""
+    takes, name = getattr(scene, "tests", {}).get("law"), scene.__name__
+    if takes is None:
+        if table.law is not None:
+            raise StudyError(
+                f"system.law is {table.law!r}, but {name} takes no law by this name; leave it out."
+            )
+        return None
+    if table.law is None:
+        raise StudyError(f"system.law is missing: {name} takes one of {', '.join(takes.names())}.")
+    law = law_of(table.law, takes.names())
+    if reason := takes.why_not(law):
+        raise StudyError(
+            f"system.law is {table.law!r}, {reason}; those that fit are {', '.join(takes.names())}."
+        )
+    return _call(law, table.law_parameters, "system.law_parameters")
 
 
 def _viewed(system: Any, table: SystemTable) -> Any:
@@ -264,28 +293,16 @@ def known_scenes() -> dict[str, Any]:
     return {n: f for n in scenes.__all__ if inspect.isfunction(f := getattr(scenes, n)) and n not in _HELPERS}
 
 
-def known_laws() -> dict[str, Any]:
-    """Name -> class of every law of the package."""
-    from ..laws import Law, contact, friction
-
-    found = {n: getattr(module, n) for module in (friction, contact) for n in module.__all__}
-    return {n: law for n, law in found.items() if isinstance(law, type) and issubclass(law, Law)}
-
-
-def law_of(name: str) -> Any:
-    """The law of that name, a class; StudyError if there is none."""
+def law_of(name: str, fit: Iterable[str] | None = None) -> Any:
+    """The law of that name, a class; StudyError if there is none, with the names of those that fit."""
     known = known_laws()
     if name not in known:
-        raise StudyError(f"system.law is {name!r}; laws are {', '.join(known)}.")
+        raise StudyError(f"system.law is {name!r}{_meant(name, known if fit is None else fit, 'laws')}")
     return known[name]
 
 
 def _call(function: Any, arguments: dict[str, Any], key: str) -> Any:
     try:
-        known = inspect.signature(function).parameters
-        if not any(p.kind is p.VAR_KEYWORD for p in known.values()):
-            if unknown := [name for name in arguments if name not in known]:
-                raise ValueError(f"no argument is called {unknown[0]!r}; they are {', '.join(known)}.")
         return function(**arguments)
     except (TypeError, ValueError) as error:
         raise StudyError(f"{key}: {error}") from None

@@ -59,7 +59,11 @@ def ticking(period):
         (lambda: System({x: sp.sin(t)}), ValueError, "If t is time, say time=t"),
         (lambda: System({x: -x}, parameters={"q": 1}), ValueError, "names 'q', which stands nowhere"),
         (lambda: System({x: -x}, parameters={x: 1}), ValueError, "gives a value to 'x', which is a state"),
-        (lambda: oscillator(parameters=PARAMETERS | {beta: -0.1}), ValueError, "'beta' is -0.1, but its"),
+        (
+            lambda: oscillator(parameters=PARAMETERS | {beta: -0.1}),
+            ValueError,
+            "'beta' is -0.1; beta must be >= 0",
+        ),
         (lambda: oscillator(parameters=PARAMETERS | {rho: float("nan")}), ValueError, "value of 'rho' is nan"),
         (lambda: oscillator(parameters=PARAMETERS | {rho: [1, 2]}), TypeError, "value of 'rho' is [1, 2]"),
         (lambda: System({x: -sp.Symbol("x")}), ValueError, "two different symbols are named 'x'"),

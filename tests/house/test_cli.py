@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from paper_figures import making as figures
 from pwsmooth.cli import app
 from pwsmooth.codegen.machine import units
+from pwsmooth.sweep.study import Names, StudyError
 
 
 @pytest.fixture
@@ -108,3 +109,42 @@ def test_numbers_of_a_table_are_never_cut(width, monkeypatch, capsys):
     assert "…" not in shown
     assert sorted(re.findall(r"\d", shown)) == sorted(re.findall(r"\d", numbers))
     assert width < 80 or all(number in shown for number in numbers.split())
+
+
+def test_flags_are_shown_without_a_type(run):
+    for arguments in (["--help"], ["sweep", "--help"], ["explore", "--help"]):
+        assert "<bool>" not in run(*arguments).output
+
+
+def test_a_new_folder_is_said(tmp_path):
+    from pwsmooth.cli import _telling
+
+    with _telling(tmp_path):
+        pass
+    with _telling(tmp_path / "new") as nothing:
+        (tmp_path / "new").mkdir()
+    assert nothing is None
+
+
+def test_a_file_without_a_name_and_a_misspelt_scene_are_said(run, tmp_path):
+    assert "write m.py:NAME" in run("explore", "m.py").output
+    assert "did you mean 'friction_oscillator'?" in run("explore", "friction_oscilator").output
+    assert (
+        "a contact law where a friction law belongs"
+        in run("explore", "friction_oscillator", "--law", "Hertz").output
+    )
+    assert "Did you mean 'figure-4'?" in run("explore", "--preset", "figure_4").output
+
+
+def test_functions_of_math_and_numpy_on_symbols_are_told_apart_in_a_file(tmp_path):
+    for line, words in {
+        "math.sin(x)": "sympy.sin",
+        "np.sin(x)": r"sympy\.sin\(x\)",
+        "np.sign(x)": "sympy.sign",
+        "1 if x > 0 else 2": "Piecewise",
+    }.items():
+        (tmp_path / "m.py").write_text(
+            f"import math, numpy as np, sympy as sp\nx = sp.Symbol('x')\nrate = {line}\n"
+        )
+        with pytest.raises(StudyError, match=words):
+            Names(folder=tmp_path).get("m.py:rate", "what is explored")

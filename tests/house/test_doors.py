@@ -7,6 +7,7 @@ import inspect
 import math
 import re
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +17,13 @@ import sympy as sp
 import pwsmooth
 from pwsmooth import (
     Diffusion,
+    Disc,
     Drive,
     Event,
     Family,
+    Switch,
     System,
+    Unilateral,
     basins,
     bifurcation_set,
     costs,
@@ -28,12 +32,15 @@ from pwsmooth import (
     find_orbit,
     lyapunov_exponents,
     orbit_diagram,
+    scenes,
     solve,
     sweep,
 )
 from pwsmooth.analysis.maps.sections import Section, Stroboscopic
 from pwsmooth.door import checks
 from pwsmooth.fit import fit_law
+from pwsmooth.laws.catalogue import known_laws
+from pwsmooth.laws.contact import Hertz
 from pwsmooth.laws.friction import Coulomb, Dahl
 from pwsmooth.scenes import Scene, block_on_belt, force_driven, prescribed_motion
 from pwsmooth.sweep import Period, Points, make_plan
@@ -224,6 +231,84 @@ def test_missing_and_surplus_arguments_are_named():
     ):
         with pytest.raises(TypeError, match=re.escape(words)):
             call()
+
+
+def test_numbers_are_not_read_from_text():
+    for name, call in {
+        "parameters": lambda: BLOCK.with_parameters({k: "3"}),
+        "x0": lambda: solve(BLOCK, (0, 1), {"x": "1", "v": 0}),
+        "t_span": lambda: solve(BLOCK, "01", START),
+        "t_eval": lambda: solve(BLOCK, (0, 1), START, t_eval=["0.5"]),
+        "atol": lambda: solve(BLOCK, (0, 1), START, atol="1e-3"),
+        "rtol": lambda: solve(BLOCK, (0, 1), START, rtol="1e-3"),
+        "axes": lambda: sweep(BLOCK, {"k": ["1", "2"]}, start=START, period=T),
+        "times": lambda: Drive(["0", "1", "2", "3"], [0, 1, 2, 3]),
+        "values": lambda: costs.misfit(x, [1], ["2"]),
+        "sigma0` of Dahl": lambda: Dahl(sigma0="1e5"),
+        "force": lambda: fit_law(Coulomb(), [0, 1, 2], [0, 1, 2], ["0", "1", "2"]),
+    }.items():
+        with pytest.raises(TypeError, match=f"`{name}"):
+            call()
+
+
+def test_a_python_function_where_a_formula_belongs_is_refused():
+    with pytest.raises(
+        TypeError, match=r"`surface` of an Event is a Python function of \(t, x\); give a formula"
+    ):
+        Event(lambda t, x: x)
+    with pytest.raises(TypeError, match="`when` of an Event is a Python function"):
+        Event(x, when=lambda x: True)
+    assert callable(Event(lambda t, x, p: x[0]).surface)  # of a System of functions
+
+
+def laws_that_do_not_fit():
+    for name in scenes.__all__:
+        takes = getattr(getattr(scenes, name), "tests", {}).get("law")
+        for law in known_laws().values() if takes else ():
+            if takes.why_not(law):
+                yield getattr(scenes, name), law, takes
+
+
+def test_scenes_refuse_laws_of_another_kind_by_the_filter_that_lists_ask():
+    seen = set()
+    for scene, law, takes in laws_that_do_not_fit():
+        needed = {
+            n: 1 for n, p in inspect.signature(scene).parameters.items() if p.default is p.empty and n != "law"
+        }
+        with pytest.raises((ValueError, TypeError)) as caught:
+            scene(law=law(), **needed)
+        if "`law`" in str(caught.value):  # another argument may be looked at before
+            assert takes.why_not(law) in str(caught.value) and takes.names()[0] in str(caught.value)
+            seen.add(scene.__name__)
+    assert {"friction_oscillator", "falling_ball", "incline", "spinning_disc", "block_train"} <= seen
+    for bad in (lambda: scenes.slider_crank(Coulomb()), lambda: scenes.slider_crank(None, Hertz())):
+        with pytest.raises(ValueError, match="law where a (contact|friction) law belongs"):
+            bad()
+
+
+def test_what_stands_for_a_disc_or_a_contact_is_said():
+    disc = Disc("lam", (x, v))
+    with pytest.raises(TypeError, match=r"one of its components, disc\[0\] to disc\[1\]: lam_x, lam_y"):
+        costs.duration(disc)
+    with pytest.raises(TypeError, match="give its name, 'ground'"):
+        costs.event_time(Unilateral(x, name="ground"))
+
+
+def test_a_divisor_that_is_zero_names_its_parameter_and_the_view_only_where_one_is_fast():
+    m, beta = sp.symbols("m beta", nonnegative=True)
+    lam, z = Switch("lam", v), sp.Symbol("z", real=True)
+    block = System({x: v, v: -(x + lam * (1 + z)) / m, z: (1 - lam**2 - z) / beta}, parameters={m: 1, beta: 1})
+    with pytest.raises(ValueError) as caught:
+        block.with_parameters({m: 0})
+    assert "'m' is 0, and the rate of 'v' divides by m" in str(caught.value) and "layered" not in str(
+        caught.value
+    )
+    with pytest.raises(ValueError, match=r"'beta' is 0.* system.layered\({z: sympy.oo}\)"):
+        block.with_parameters({beta: 0})
+
+
+def test_the_version_is_that_of_the_distribution():
+    assert pwsmooth.__version__ == version("pwsmooth") and "__version__" in dir(pwsmooth)
 
 
 def test_errors_inside_a_call_are_not_taken_for_misfits():

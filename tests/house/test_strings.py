@@ -20,6 +20,7 @@ from pwsmooth.cli import app
 from pwsmooth.definition.sigmoids import sigmoid
 from pwsmooth.door import formula
 from pwsmooth.laws import Joint
+from pwsmooth.laws.contact import Hertz
 from pwsmooth.laws.friction import Coulomb, Dahl
 
 t, x, v, k, omega = sp.symbols("t x v k omega", real=True)
@@ -137,7 +138,7 @@ DOORS = {
     "parameters of a force": lambda s: scenes.force_driven(Coulomb(), k, parameters={k: s}),
     "start of assemble": lambda s: scenes.assemble({x: v}, Dahl().attach(velocity=v), start={x: s, v: 1}),
     "start of a scene": lambda s: scenes.friction_oscillator(Coulomb(), start=(s, 0)),
-    "parameters of a scene": lambda s: scenes.pressed_block(Coulomb(), k, parameters={k: s}),
+    "parameters of a scene": lambda s: scenes.pressed_block(Hertz(), k, parameters={k: s}),
 }  # fmt: skip
 
 

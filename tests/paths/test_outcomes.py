@@ -4,6 +4,7 @@ And what a run may stop at or must say: terminal events, ambiguities, layers tha
 """
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from pwsmooth import Algebraic, Event, Memory, Outcome, Switch, System, Unilater
 
 t, x, y, v, z = sp.symbols("t x y v z", real=True)
 l1, l2 = Switch("l1", x), Switch("l2", y)
+BREAKDOWNS = Outcome.NOT_FINITE, Outcome.STEP_UNDERFLOW
 METHODS = pytest.mark.parametrize("method", ["taylor", "rk"])
 
 
@@ -22,7 +24,11 @@ def stopped(solution, outcome):
     assert solution.success == (outcome >= 0)
     assert len(solution.t) >= 1 and np.isfinite(solution.x).all()
     assert np.all(np.diff(solution.t) >= 0)
-    assert outcome.text in solution.message and repr(solution) and solution.segments
+    named = re.search(
+        "goes to infinity|rate of .* is .* at t = ", solution.message
+    )  # a breakdown with a known cause
+    assert outcome.text in solution.message or (outcome in BREAKDOWNS and named)
+    assert repr(solution) and solution.segments
     return solution
 
 
@@ -298,3 +304,34 @@ def test_a_run_without_a_root_at_its_start_ends_with_its_start(options):
     assert not run.success
     assert run.t.tolist() == [2] and run.x.tolist() == [[1.5]] and np.isnan(run.mult).all()
     assert "x = 1.5" in repr(run) and len(run.segments) == 1
+
+
+# ---- what the texts say
+
+
+def test_a_motion_that_goes_to_infinity_is_said_to_whatever_the_method():
+    """x' = x^2 from 1 is 1/(1 - t); backward x' = -x^2 ends at t = -1: no option leads past a pole."""
+    quadratic = System({x: x**2})
+    runs = [
+        solve(quadratic, (0, 2), {x: 1}, **given) for given in ({}, {"method": "rk"}, {"t_eval": [0.5, 1.5]})
+    ]
+    for run in (*runs, solve(System({x: -(x**2)}), (0, -2), {x: 1})):
+        assert re.search(r"x goes to infinity: it is .* at t = -?1\. The motion has a singularity", run.message)
+        assert "rtol" not in run.message and "method" not in run.message
+
+
+def test_a_start_too_fast_for_any_step_says_which_rate_is():
+    m = sp.Symbol("m", positive=True)
+    run = solve(System({x: v, v: -x / m}, parameters={m: 1}), (0, 5), {x: 1, v: 1}, parameters={m: 1e-300})
+    assert re.search(r"the rate of v is -1e\+300 at t = 0, the start, too fast", run.message)
+    assert run.t.tolist() == [0.0]
+
+
+def test_a_run_that_ends_at_its_start_has_the_values_of_its_start():
+    m = sp.Symbol("m", positive=True)
+    system = System({x: v, v: -x / m}, parameters={m: 1})
+    run = solve(system, (0, 5), {x: 1, v: 2}, parameters={m: 1e-300}, dense_output=True)
+    assert run(0.0).tolist() == [1.0, 2.0] and run([0.0, 0.0], "v").tolist() == [2.0, 2.0]
+    with pytest.raises(ValueError, match="leaves the solved span"):
+        run(1.0)
+    assert len(run.sample()["x"]) >= 1

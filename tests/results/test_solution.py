@@ -208,6 +208,39 @@ def test_kinds_and_switches_that_do_not_exist_are_refused_with_those_that_do():
     assert smooth.event_times(switch="sgn(v)").size == 0
 
 
+def test_a_name_in_the_place_of_a_kind_leads_to_switch():
+    ball = System({y: v, v: -10 + Unilateral(y, restitution=0.5, name="ground").reaction})
+    run = solve(ball, (0, 0.5), [0.2, 0])
+    with pytest.raises(ValueError, match="give switch='ground'"):
+        run.event_times("ground")
+    with pytest.raises(ValueError, match=r"Did you mean 'impact'\?"):
+        run.event_times("impct")
+    with pytest.raises(TypeError, match="give its name, 'ground'"):
+        run.event_times(switch=Unilateral(y, name="ground"))
+
+
+def test_names_are_looked_for_in_a_solution():
+    sol = block_solution()
+    assert all(name in sol for name in ("y", v, "mu", "lam", "t")) and "nosuch" not in sol
+    assert list(sol) == ["y", "v", "lam", "mu", "power", "one"]
+
+
+def test_names_of_scipy_and_misspelt_attributes_are_led_to_ours():
+    sol = block_solution()
+    for name, words in {"t_events": "event_times", "sol": "dense_output", "itinerery": "'itinerary'"}.items():
+        with pytest.raises(AttributeError, match=words):
+            getattr(sol, name)
+    assert not hasattr(sol, "__array__") and pickle.loads(pickle.dumps(sol.t)).size == 8
+
+
+def test_a_run_back_in_time_says_so_also_after_it_was_saved(tmp_path):
+    run = solve(System({y: v, v: -y}), (5, 0), [1, 0])
+    assert "5 to 0, backward in time" in str(run)
+    assert "y = 0.283662185" in str(run)  # cos 5, where the run ended
+    run.save(tmp_path / "run.pws")
+    assert str(Solution.load(tmp_path / "run.pws")) == str(run)
+
+
 def test_every_outcome_says_what_happened_and_every_failure_what_to_try():
     for outcome in Outcome:
         assert Outcome(int(outcome)) is outcome

@@ -50,10 +50,14 @@ def run(names: Sequence[str], of: Sequence[ExactProblem] | None = None) -> bool:
     missed = [verdict.problem.name for verdict in verdicts if not verdict.holds]
     count = sum(len(verdict.checks) for verdict in verdicts)
     if missed:
-        console.print(f"\n{len(missed)} of {len(verdicts)} problems missed: {', '.join(missed)}", style="red")
+        console.print(
+            f"\n{len(missed)} of {len(verdicts)} problem{'s' * (len(verdicts) != 1)} missed: {', '.join(missed)}",
+            style="red",
+        )
     else:
         seconds = sum(verdict.seconds for verdict in verdicts)
         console.print(
-            f"\n{count} numbers of {len(verdicts)} problems hold, in {seconds:.1f} s with compilation."
+            f"\n{len(verdicts)} problem{'s' * (len(verdicts) != 1)}: all {count} numbers agree with the exact ones, in "
+            f"{seconds:.1f} s with compilation."
         )
     return not missed

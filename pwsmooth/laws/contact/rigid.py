@@ -22,6 +22,7 @@ class RigidImpact(Law):
     closed contact at 1.354570923 s; 1.354570923 s
     """
 
+    kind = "contact"
     source = "Newton's restitution"
     needs: ClassVar[tuple[str, ...]] = ("position",)
     e: float = parameter(0.9, "1", "restitution", "nonnegative")

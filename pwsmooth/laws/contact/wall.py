@@ -16,6 +16,7 @@ from ..contract import Law, Pieces
 class AtWall(Law):
     """A law of the indentation, with the energy that it stores."""
 
+    kind: ClassVar[str] = "contact"
     needs: ClassVar[tuple[str, ...]] = ("position",)
 
     def _pieces(self, at, surface, force, stored, *, touch_down=None, released=0, surfaces=(), **more):

@@ -28,6 +28,7 @@ class BoucWen(Law):
     1.0e-05 m
     """
 
+    kind = "friction"
     source = "Bouc 1967; Wen, J. Eng. Mech. Div. 102 (1976); defaults chosen"
     needs = ("position",)
     in_plane = True

@@ -21,6 +21,7 @@ class Coulomb(Law):
     [-2.5, 3.0]
     """
 
+    kind = "friction"
     source = "Coulomb 1785"
     in_plane = True
     F_c: float = parameter(1.0, "N", "Coulomb force")
@@ -147,6 +148,7 @@ class HiddenStatic(Law):
     {z: (-lam**2 - z + 1)/beta}
     """
 
+    kind = "friction"
     source = "Jeffrey, On the mathematical basis of solid friction, eq. (25)"
     in_plane = True
     F_c: float = parameter(1.0, "N", "kinetic friction force")
@@ -177,6 +179,7 @@ class ModifiedCoulomb(Law):
     [0.0, 1.0, 2.0]
     """
 
+    kind = "friction"
     source = "Ambrosio 2003, as in Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545; v_0, v_1 chosen"
     F_c: float = parameter(1.0, "N", "kinetic friction force")
     v_0: float = parameter(1e-4, "m/s", "velocity up to which there is no force")

@@ -23,6 +23,7 @@ class Dahl(Law):
     1.928055 1.928055
     """
 
+    kind = "friction"
     source = "Dahl 1968, The Aerospace Corp. TOR-0158(3107-18)-1"
     in_plane = True
     sigma0: float = parameter(1e5, "N/m", "stiffness at zero force")
@@ -59,6 +60,7 @@ class ModifiedDahl(Law):
     {h: beta*(F_c*v + (-h + slope*x)*Abs(v))}
     """
 
+    kind = "friction"
     source = "Bastien, Michon, Manin, Dufour, J. Sound Vib. 302 (2007); details reconstructed"
     certainty = "reconstructed"
     needs = ("position",)
@@ -86,6 +88,7 @@ class BlimanSorine(Law):
     1.0
     """
 
+    kind = "friction"
     source = "Bliman, Sorine 1995, Proc. European Control Conf."
     f_1: float = parameter(2.5, "N", "strength of the fast part")
     f_2: float = parameter(1.5, "N", "strength of the slow part", "nonnegative")
@@ -126,6 +129,7 @@ class BlimanSorineFirst(Law):
     {x_s: (f_1*v - x_s*Abs(v))/epsilon}
     """
 
+    kind = "friction"
     source = "Bliman, Sorine 1995, Proc. European Control Conf."
     f_1: float = parameter(1.0, "N", "sliding force")
     epsilon: float = parameter(1e-5, "m", "path length")

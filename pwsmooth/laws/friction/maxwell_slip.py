@@ -60,6 +60,7 @@ class MaxwellSlip(Law):
     2.0
     """
 
+    kind = "friction"
     source = "Iwan, J. Appl. Mech. 33 (1966) 893-900; Lampaert, Swevers, Al-Bender; defaults chosen"
     in_plane = True
     kappa: tuple = parameter(tuple(2.5 / i for i in range(1, 11)), "N/um", "stiffness", each=True)
@@ -175,6 +176,7 @@ class Masing(Law):
     1.300000
     """
 
+    kind = "friction"
     source = "Bastien, Michon, Manin, Dufour, J. Sound Vib. 302 (2007); details reconstructed"
     certainty = "reconstructed"
     needs = ("position",)

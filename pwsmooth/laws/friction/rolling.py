@@ -26,6 +26,7 @@ class RollingResistance(Law):
     (lam_x*M_c + c*omega_x, lam_y*M_c + c*omega_y)
     """
 
+    kind = "friction"
     source = "Coulomb 1785 on rolling; the lever arm of the load of every textbook of mechanics"
     in_plane = True
     M_c: float = parameter(1e-3, "N m", "rolling moment")
@@ -48,6 +49,7 @@ class TorsionalResistance(Law):
     0.883573
     """
 
+    kind = "friction"
     source = (
         "integral of mu p r over the contact; Hertz's pressure: Lurie, as in Johnson, Contact Mechanics, 1985"
     )

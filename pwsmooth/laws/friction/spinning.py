@@ -101,6 +101,7 @@ def factors(shape, B, square=1):
 class SpinningLaw(Law):
     """A law of a flat contact that slides and spins; steady without the spin, it is Coulomb's."""
 
+    kind = "friction"
     in_plane = spins = True
 
     def steady(self, v, p):

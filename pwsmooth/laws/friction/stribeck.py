@@ -19,6 +19,7 @@ def fading(v, scale):
 class StribeckLaw(Law):
     """A law with static friction F_s, no smaller than the kinetic one; steady on the Stribeck curve."""
 
+    kind = "friction"
     F_c: float
     F_s: float
 

@@ -25,6 +25,7 @@ class Wojewoda(Law):
     lam*f_c + lam_a*(-f_c + f_s)*exp(-a_1*Abs(v)/(a_2 + Abs(a)))
     """
 
+    kind = "friction"
     source = (
         "Wojewoda, Stefanski, Wiercigroch, Kapitaniak, Phil. Trans. R. Soc. A 366 (2008) 747-765; as recalled"
     )
