@@ -56,7 +56,7 @@ def complete(made: T, own: Mapping[str, str] | None = None, more: Mapping[str, s
 
 def _complete(holder: Any, signed: Any, module: str, own: Any, more: Any) -> None:
     text = inspect.cleandoc(holder.__doc__ or "")  # none under -OO
-    if "\n" in text or text and own:
+    if "\n" in text or text and (own or any(more.values())):
         holder.__doc__ = completed(text, *_signature(signed), module, own, more)
 
 

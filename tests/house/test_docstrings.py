@@ -77,6 +77,7 @@ def test_the_rules_ask_for_the_source_of_what_the_literature_has():
             pass
 
         example.__doc__ = f"One law.\n\nNotes\n-----\n{notes}\n"
+        example.__module__ = name.rpartition(".")[0]
         return "\n".join(docstring_rules.shortcomings(name, example))
 
     assert "no source" in told("pwsmooth.laws.friction.example", "A force.")

@@ -144,6 +144,16 @@ def test_a_law_of_ones_own_may_have_any_docstring():
     assert "c : float, N s/m, default 0.5" in Odd.__doc__
 
 
+def test_a_law_of_one_sentence_names_its_source():
+    @law
+    class Bare(Law):
+        """A law without parameters."""
+
+        source = "Coulomb 1785"
+
+    assert Bare.__doc__ == "A law without parameters.\n\nNotes\n-----\nSource: Coulomb 1785.\n"
+
+
 @pytest.mark.parametrize("home", [*shared.HOMES])
 def test_examples_import_from_where_the_names_are(home):
     module = importlib.import_module(home)
