@@ -21,6 +21,7 @@ from ..sweep.study import Names, StudyError, SystemTable, Table, Values, read_st
 from .one_parameter import diagram
 from .two_parameters import bifurcation_set
 
+_RUNS = ("rtol", "atol", "method", "max_steps")  # of solve
 Pair = Annotated[tuple[float, float], Field(strict=False)]  # TOML has lists
 
 
@@ -153,11 +154,10 @@ def _call_of(study: DiagramStudy, names: Names) -> tuple[Any, dict[str, Any]]:
         exclude={"title", "system", "ranges", "lines", "starts", "period"}, exclude_none=True
     )
     known = inspect.signature(call).parameters
-    given = {
-        name: value
-        for name, value in given.items()
-        if name in known or name in ("rtol", "atol", "method", "max_steps")
-    }
+    if idle := [n for n in given if n in study.model_fields_set and n not in (*known, *_RUNS)]:
+        count = "one parameter" if call is diagram else "two parameters"
+        raise StudyError(f"{idle[0]}: no key of a study of {count}; leave it out.")
+    given = {name: value for name, value in given.items() if name in known or name in _RUNS}
     given |= {"system": system, "starts": starts, "period": period}
     if call is diagram:
         ((parameter, bounds),) = study.ranges.items()

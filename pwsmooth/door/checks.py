@@ -491,6 +491,10 @@ def key(value, what):
 
 def system(value, what, functions=False):
     """`value`, which has to be a System or a view of one; of functions only where `functions` says so."""
+    if hasattr(value, "system") and hasattr(value, "start") and not hasattr(value, "model"):
+        raise TypeError(
+            f"{what} is a scene, {shown(value.name)}; give its `system`, with its `start`, or call its `solve()`."
+        )
     if isinstance(value, type) or not (hasattr(value, "model") and hasattr(value, "initial_state")):
         raise TypeError(
             f"{what} is {shown(value)}; give a System, such as System({{x: -x}}), or one of its views."

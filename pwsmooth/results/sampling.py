@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ..door import checks
 from ..door.describe import Described, Rows
 from .records import EventLog
 
@@ -62,6 +63,10 @@ class Sampled(Described):
     status: np.ndarray
     step: np.ndarray
     statuses: np.ndarray
+
+    def __contains__(self, name: Any) -> bool:
+        """Whether indexing takes a name (or Symbol)."""
+        return str(checks.named(name)) in ("t", *self.names)
 
     def __getitem__(self, name: Any) -> np.ndarray:
         """Values of one name, shape (m,)."""

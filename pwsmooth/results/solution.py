@@ -251,7 +251,7 @@ class Solution(Described):
             return found
         if name in self.multipliers:
             return mult[self.multipliers.index(name)]
-        raise KeyError(f"{name!r} is {self._none_of_these}")
+        raise KeyError(f"{name!r} is {self._none_of_these(name)}")
 
     def _meant(self, name: str) -> str:
         """What a name in the place of times may have meant."""
@@ -263,15 +263,14 @@ class Solution(Described):
         }
         kind = next((kind for kind, names in kinds.items() if name in names), None)
         if kind is None:
-            return f"give times. It is {self._none_of_these}"
+            return f"give times. It is {self._none_of_these(name)}"
         if kind == "a parameter":
             return f"it is a parameter, whose value is solution.parameters[{name!r}]. Give times here."
         return f"it is {kind}: solution[{name!r}] at the solution's times, solution(t, {name!r}) at others."
 
-    @property
-    def _none_of_these(self) -> str:
-        names = ", ".join((*self._shown, *self.multipliers, *self.outputs))
-        return f"no state, multiplier or output of this solution; they are {names}."
+    def _none_of_these(self, name: Any) -> str:
+        known = (*self._shown, *self.multipliers, *self.outputs)
+        return f"no state, multiplier or output of this solution; they are {', '.join(known)}.{calls.hint(name, known)}"
 
     def __iter__(self) -> Iterator[str]:
         """The names that indexing takes, but for the time."""
@@ -329,7 +328,7 @@ class Solution(Described):
             *self.multipliers,
             *self.outputs,
         ):
-            raise ValueError(f"`name` is {str(name)!r}, which is {self._none_of_these}")
+            raise ValueError(f"`name` is {str(name)!r}, which is {self._none_of_these(str(name))}")
         flat = at.ravel()
         slack = 4 * np.spacing(max(abs(self.t[0]), abs(self.t[-1])))
         if flat.size and not (flat.min() >= self.t[0] - slack and flat.max() <= self.t[-1] + slack):
@@ -637,7 +636,7 @@ class Solution(Described):
         def name_of(key: Any, what: str, of: Sequence[str]) -> str:
             name = str(checks.key(key, what))
             if name not in of:
-                raise ValueError(f"{what} has {name!r}, which is {self._none_of_these}")
+                raise ValueError(f"{what} has {name!r}, which is {self._none_of_these(name)}")
             return name
 
         given = (*self._shown, *self.multipliers) if names is None else checks.several(names, "`names`")
@@ -759,7 +758,7 @@ class Solution(Described):
         curves = [str(checks.key(name, "`names`")) for name in checks.several(names, "`names`")]
         for name in curves:
             if name not in (*self.states, *self.multipliers, *self.outputs):
-                raise ValueError(f"`names` has {name!r}, which is {self._none_of_these}")
+                raise ValueError(f"`names` has {name!r}, which is {self._none_of_these(name)}")
         made = films.film(self, sketch, np.linspace(first, last, max(2, round(frames))), fps, curves)
         if at is not None:
             films.write(made, at, fps)

@@ -411,6 +411,10 @@ class OrbitDiagram(Described):
                 ).exponents
         return found
 
+    def __contains__(self, name: Any) -> bool:
+        """Whether indexing takes a name (or Symbol)."""
+        return str(checks.named(name)) in self.states
+
     def __getitem__(self, name: Any) -> np.ndarray:
         """Points of one state, shape (values, kept points)."""
         name = str(checks.named(name))

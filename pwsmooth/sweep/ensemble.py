@@ -61,6 +61,10 @@ class Ensemble:
     steps: np.ndarray
     states: tuple[str, ...]
 
+    def __contains__(self, name: Any) -> bool:
+        """Whether indexing takes a name (or Symbol)."""
+        return str(checks.named(name)) in self.states
+
     def __getitem__(self, name: Any) -> np.ndarray:
         """One state by name or Symbol, shape (count, nt)."""
         if str(name) not in self.states:

@@ -84,10 +84,17 @@ def test_a_registered_system_needs_no_code(study, tmp_path):
     assert [b.kind for b in found.bifurcations] == ["fold"]
 
 
+def test_a_key_that_would_be_passed_over_is_refused(study, tmp_path):
+    study.write_text("curves = 5\n" + STUDY)
+    assert (
+        "curves: no key of a study of one parameter" in command(study, "--out", tmp_path, "--allow-code").output
+    )
+
+
 @pytest.mark.parametrize(
     "more, words",
     {
-        "dept = 3\n" + STUDY: "line 1: dept: no such key",
+        "dept = 3\n" + STUDY: r"line 1: dept: no such key; did you mean depth\?",
         STUDY + "b = [0, 1]\nc = [0, 1]\n": "names 3 parameters",
         STUDY + "[lines]\na = [0]\n": "`lines` belong to two parameters",
         STUDY.replace("values = 5", "values = 'five'"): "line 4: values",

@@ -233,6 +233,13 @@ def test_missing_and_surplus_arguments_are_named():
             call()
 
 
+def test_a_scene_where_a_system_belongs_is_told_apart():
+    scene = Scene("block", BLOCK, START, (0, 1))
+    for call in (lambda: solve(scene, (0, 1), START), lambda: find_orbit(scene, START, period=T)):
+        with pytest.raises(TypeError, match=r"`system` is a scene, 'block'; give its `system`"):
+            call()
+
+
 def test_numbers_are_not_read_from_text():
     for name, call in {
         "parameters": lambda: BLOCK.with_parameters({k: "3"}),

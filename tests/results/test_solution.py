@@ -222,6 +222,8 @@ def test_a_name_in_the_place_of_a_kind_leads_to_switch():
 def test_names_are_looked_for_in_a_solution():
     sol = block_solution()
     assert all(name in sol for name in ("y", v, "mu", "lam", "t")) and "nosuch" not in sol
+    sampled = sol.sample()
+    assert "y" in sampled and "t" in sampled and "nosuch" not in sampled
     assert list(sol) == ["y", "v", "lam", "mu", "power", "one"]
 
 
