@@ -1,4 +1,7 @@
-"""Cycles that are born at boundary equilibria of planar systems, against their piecewise-linear motion."""
+"""Cycles that are born at boundary equilibria of planar systems, against their piecewise-linear motion.
+
+Guards: analysis/equilibria/boundary_cycles.py.
+"""
 
 import math
 

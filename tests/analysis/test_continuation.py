@@ -1,4 +1,7 @@
-"""Branches of periodic orbits: bifurcations at parameters that are known exactly."""
+"""Branches of periodic orbits: bifurcations at parameters that are known exactly.
+
+Guards: analysis/continuation/.
+"""
 
 import math
 

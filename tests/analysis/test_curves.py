@@ -1,4 +1,8 @@
-"""Curves of bifurcations in two parameters against closed forms."""
+"""Curves of bifurcations in two parameters against closed forms.
+
+Guards: analysis/continuation/conditions/, analysis/continuation/curves/, analysis/continuation/plane.py,
+analysis/continuation/jumps.py.
+"""
 
 import math
 

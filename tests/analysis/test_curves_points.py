@@ -1,4 +1,8 @@
-"""Points of codimension 2 and the curves that begin there, against closed forms."""
+"""Points of codimension 2 and the curves that begin there, against closed forms.
+
+Guards: analysis/continuation/codimension.py, analysis/continuation/curves/emanating.py,
+analysis/continuation/curves/starts.py.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,7 @@
-"""Deviations on the polynomials that a run has kept, beside those whose series flow.py makes again."""
+"""Deviations on the polynomials that a run has kept, beside those whose series flow.py makes again.
+
+Guards: codegen/machine/columns.py, codegen/jacobian.py, kernels/tangent/growth.py, kernels/tangent/flow.py.
+"""
 
 import dataclasses
 

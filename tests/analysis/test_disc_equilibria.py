@@ -1,4 +1,7 @@
-"""Equilibria of dry friction in the plane and in space: every slip and every stick, beside closed forms."""
+"""Equilibria of dry friction in the plane and in space: every slip and every stick, beside closed forms.
+
+Guards: analysis/equilibria/disc_modes.py.
+"""
 
 import numpy as np
 import pytest

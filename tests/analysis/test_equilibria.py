@@ -1,4 +1,7 @@
-"""Equilibria against closed forms and linear algebra: where they are, whether they are admissible and stable."""
+"""Equilibria against closed forms and linear algebra: where they are, whether they are admissible and stable.
+
+Guards: analysis/equilibria/.
+"""
 
 import math
 

@@ -1,4 +1,7 @@
-"""Branches of equilibria: folds, Hopf points and boundary equilibria at parameters that are known exactly."""
+"""Branches of equilibria: folds, Hopf points and boundary equilibria at parameters that are known exactly.
+
+Guards: analysis/continuation/equilibria/.
+"""
 
 import math
 

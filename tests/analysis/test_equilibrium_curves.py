@@ -1,4 +1,8 @@
-"""Curves of bifurcations of equilibria in two parameters against closed forms."""
+"""Curves of bifurcations of equilibria in two parameters against closed forms.
+
+Guards: analysis/continuation/equilibria/curves.py, analysis/continuation/equilibria/conditions.py,
+analysis/continuation/equilibria/walk.py.
+"""
 
 import numpy as np
 import pytest

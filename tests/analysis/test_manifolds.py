@@ -1,4 +1,7 @@
-"""Stable and unstable curves of saddles against closed forms, and against the basins that they separate."""
+"""Stable and unstable curves of saddles against closed forms, and against the basins that they separate.
+
+Guards: analysis/global_objects/.
+"""
 
 import numpy as np
 import pytest

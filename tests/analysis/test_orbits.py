@@ -1,4 +1,7 @@
-"""Periodic orbits and their multipliers against closed forms and differences of the Poincare map."""
+"""Periodic orbits and their multipliers against closed forms and differences of the Poincare map.
+
+Guards: analysis/orbits/, analysis/maps/.
+"""
 
 import math
 

@@ -1,4 +1,7 @@
-"""Portraits of switching surfaces against closed forms: two-folds, hidden folds, sliding flows, pseudo-equilibria."""
+"""Portraits of switching surfaces against closed forms: two-folds, hidden folds, sliding flows, pseudo-equilibria.
+
+Guards: analysis/global_objects/switching_surface.py.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,7 @@
-"""Fundamental matrices, saltation matrices included, against differences of the flow itself."""
+"""Fundamental matrices, saltation matrices included, against differences of the flow itself.
+
+Guards: analysis/maps/, paths/derivatives/linearised.py, paths/derivatives/collocation.py, kernels/tangent/.
+"""
 
 import math
 

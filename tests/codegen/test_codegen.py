@@ -1,4 +1,7 @@
-"""Expression graphs and the pointwise functions of a model, against sympy itself."""
+"""Expression graphs and the pointwise functions of a model, against sympy itself.
+
+Guards: codegen/fields.py, codegen/graph/.
+"""
 
 import ctypes
 import math

@@ -1,4 +1,7 @@
-"""Taylor programs against series from elsewhere: closed-form trajectories differentiated by mpmath."""
+"""Taylor programs against series from elsewhere: closed-form trajectories differentiated by mpmath.
+
+Guards: codegen/taylor/.
+"""
 
 import ctypes
 import math

@@ -1,4 +1,7 @@
-"""The typed subset of Python that generated code is written in: machine code against Python itself."""
+"""The typed subset of Python that generated code is written in: machine code against Python itself.
+
+Guards: codegen/machine/, kernels/machine/.
+"""
 
 import ctypes
 import gc

@@ -1,4 +1,7 @@
-"""The fields of discs at eight points at once, against those of one point."""
+"""The fields of discs at eight points at once, against those of one point.
+
+Guards: codegen/lanes.py, codegen/machine/vectors.py, kernels/machine/lanes.py.
+"""
 
 import ctypes
 

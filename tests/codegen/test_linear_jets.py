@@ -1,4 +1,7 @@
-"""Jets of linear models as matrix products (responses.py): the series of the recurrence, for any parameters."""
+"""Jets of linear models as matrix products (responses.py): the series of the recurrence, for any parameters.
+
+Guards: codegen/taylor/responses.py.
+"""
 
 import ctypes
 

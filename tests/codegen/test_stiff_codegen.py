@@ -1,4 +1,7 @@
-"""Generated functions of the stiff path against independent computations."""
+"""Generated functions of the stiff path against independent computations.
+
+Guards: codegen/stiff/.
+"""
 
 import ctypes
 import dataclasses

@@ -1,4 +1,7 @@
-"""Work against precision: references of two paths, baselines, and points that are judged rightly."""
+"""Work against precision: references of two paths, baselines, and points that are judged rightly.
+
+Guards: compare/work_precision/.
+"""
 
 import math
 import sys

@@ -1,4 +1,7 @@
-"""The ladder of models: what it measures, what it recommends, and when it must not."""
+"""The ladder of models: what it measures, what it recommends, and when it must not.
+
+Guards: compare/ladders/.
+"""
 
 import json
 import math

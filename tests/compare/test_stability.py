@@ -1,4 +1,7 @@
-"""Maps of hazards: the rules that tell failures apart, borders that lie where theory puts them, maps that travel."""
+"""Maps of hazards: the rules that tell failures apart, borders that lie where theory puts them, maps that travel.
+
+Guards: compare/hazards/.
+"""
 
 import json
 import math

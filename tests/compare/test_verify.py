@@ -1,4 +1,7 @@
-"""The built-in problems with exact answers, and the command that runs them."""
+"""The built-in problems with exact answers, and the command that runs them.
+
+Guards: compare/exact/.
+"""
 
 import math
 

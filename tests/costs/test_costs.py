@@ -1,4 +1,7 @@
-"""Gradients of costs, backward through the events of a run: closed forms, differences, an optimum."""
+"""Gradients of costs, backward through the events of a run: closed forms, differences, an optimum.
+
+Guards: costs/reading.py, kernels/tangent/reverse.py.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,7 @@
-"""Derivatives of runs by parameters, initial values, instants of time and the start: closed forms, differences."""
+"""Derivatives of runs by parameters, initial values, instants of time and the start: closed forms, differences.
+
+Guards: paths/derivatives/, kernels/tangent/, codegen/jacobian.py.
+"""
 
 import itertools
 

@@ -1,4 +1,7 @@
-"""minimise(): optima with closed forms, through switches, sticks and bounces; what stands in the way of a search."""
+"""minimise(): optima with closed forms, through switches, sticks and bounces; what stands in the way of a search.
+
+Guards: costs/minimum.py, costs/telling.py.
+"""
 
 import numpy as np
 import pytest

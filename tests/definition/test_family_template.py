@@ -1,4 +1,7 @@
-"""Families are lowered as one element: its code gives what the elements give if written out, and does not grow."""
+"""Families are lowered as one element: its code gives what the elements give if written out, and does not grow.
+
+Guards: codegen/families/, definition/families/.
+"""
 
 import ctypes
 import pickle
@@ -54,7 +57,7 @@ def point(template, written, seed=1):
 
 @pytest.mark.parametrize("name", MODELS)
 def test_the_field_and_its_surfaces_are_those_of_the_elements_written_out(name):
-    template, written, _, _ = both(name, 9)
+    template, written, _, _ = both(name, 5)
     x, mult, there, order, p = point(template, written)
     results = []
     for system, lam in ((template, mult), (written, there)):
@@ -73,7 +76,7 @@ def test_the_field_and_its_surfaces_are_those_of_the_elements_written_out(name):
 
 @pytest.mark.parametrize("name", MODELS)
 def test_the_gradients_of_surfaces_are_those_of_the_elements_written_out(name):
-    template, written, _, _ = both(name, 9)
+    template, written, _, _ = both(name, 5)
     x, mult, there, order, p = point(template, written)
     dense = []
     for system, lam in ((template, mult), (written, there)):
@@ -97,7 +100,7 @@ def test_the_gradients_of_surfaces_are_those_of_the_elements_written_out(name):
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("K", [1, 6, 12])
 def test_the_taylor_coefficients_are_those_of_the_elements_written_out(name, K):
-    template, written, _, _ = both(name, 9)
+    template, written, _, _ = both(name, 5)
     x, mult, there, order, p = point(template, written)
     results = []
     for system, lam in ((template, mult), (written, there)):
@@ -122,7 +125,7 @@ def test_the_taylor_coefficients_are_those_of_the_elements_written_out(name, K):
 @pytest.mark.parametrize("name", SLIDING)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_the_taylor_coefficients_with_solved_multipliers_are_those_of_the_elements_written_out(name, seed):
-    template, written, _, _ = both(name, 9)
+    template, written, _, _ = both(name, 5)
     K = 9
     x, mult, there, order, p = point(template, written, seed)
     rng = np.random.default_rng(seed)
@@ -160,7 +163,7 @@ def test_the_taylor_coefficients_with_solved_multipliers_are_those_of_the_elemen
 
 @pytest.mark.parametrize("name", MODELS)
 def test_a_run_is_that_of_the_elements_written_out(name):
-    template, written, start, span = both(name, 9)
+    template, written, start, span = both(name, 5)
     a, b = (solve(system, span, start, rtol=1e-10, atol=1e-12) for system in (template, written))
     assert a.outcome is b.outcome and a.cost == b.cost
     assert [(e.kind, e.switch) for e in a.events if " " in e.switch] == [

@@ -1,4 +1,7 @@
-"""System.from_functions: the same models in Python code and in symbols, and what it refuses."""
+"""System.from_functions: the same models in Python code and in symbols, and what it refuses.
+
+Guards: codegen/functions.py, definition/functions.py.
+"""
 
 import math
 

@@ -1,4 +1,7 @@
-"""Lifting: ordinary notation becomes switches and selections with the same values."""
+"""Lifting: ordinary notation becomes switches and selections with the same values.
+
+Guards: definition/reading.py, definition/regularity.py.
+"""
 
 import math
 import random

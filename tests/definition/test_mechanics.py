@@ -1,4 +1,7 @@
-"""Mechanisms of sympy.physics.mechanics with dry joints, slips and stops: against equations written by hand."""
+"""Mechanisms of sympy.physics.mechanics with dry joints, slips and stops: against equations written by hand.
+
+Guards: definition/mechanics.py.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,7 @@
-"""Notation that people write: Mod and floor, impulses, y(t), mass matrices, places in a family."""
+"""Notation that people write: Mod and floor, impulses, y(t), mass matrices, places in a family.
+
+Guards: definition/notation.py, definition/reading.py.
+"""
 
 import math
 from fractions import Fraction

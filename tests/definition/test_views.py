@@ -1,4 +1,7 @@
-"""Views of one definition: layered and smoothed."""
+"""Views of one definition: layered and smoothed.
+
+Guards: definition/views.py.
+"""
 
 import re
 

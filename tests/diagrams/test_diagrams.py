@@ -1,4 +1,7 @@
-"""Diagrams and bifurcation sets by one call: closed forms, what is missing; kills and workers change nothing."""
+"""Diagrams and bifurcation sets by one call: closed forms, what is missing; kills and workers change nothing.
+
+Guards: diagrams/.
+"""
 
 import os
 import signal

@@ -1,4 +1,7 @@
-"""pwsmooth explore without a browser: what the page is told, how a state answers, maps against the package, doors."""
+"""pwsmooth explore without a browser: what the page is told, how a state answers, maps against the package, doors.
+
+Guards: explore/, results/layers.py.
+"""
 
 import base64
 import http.client

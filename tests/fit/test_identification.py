@@ -1,4 +1,7 @@
-"""fit() recovers parameters and unknown starts of any system from records, with exact slopes and honest errors."""
+"""fit() recovers parameters and unknown starts of any system from records, with exact slopes and honest errors.
+
+Guards: fit/.
+"""
 
 import math
 

@@ -1,4 +1,7 @@
-"""The command line: what it accepts, what it prints, how it ends."""
+"""The command line: what it accepts, what it prints, how it ends.
+
+Guards: paths/warmup.py, __main__.py.
+"""
 
 import re
 import subprocess

@@ -1,4 +1,7 @@
-"""Every public name says what it takes and gives, in which shapes and units; its example runs."""
+"""Every public name says what it takes and gives, in which shapes and units; its example runs.
+
+Guards: laws/documenting.py, __init__.py.
+"""
 
 import doctest
 import sys

@@ -1,4 +1,7 @@
-"""Contact laws in a free impact and as a falling ball: tables, order, energy, sign of the force."""
+"""Contact laws in a free impact and as a falling ball: tables, order, energy, sign of the force.
+
+Guards: laws/contact/.
+"""
 
 import math
 

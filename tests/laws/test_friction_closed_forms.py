@@ -1,4 +1,7 @@
-"""Friction laws under prescribed motion against their closed forms."""
+"""Friction laws under prescribed motion against their closed forms.
+
+Guards: laws/friction/.
+"""
 
 import math
 

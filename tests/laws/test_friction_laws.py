@@ -1,4 +1,7 @@
-"""The contract of laws: parameters and their errors, joints, loads; the two statements on inclusions."""
+"""The contract of laws: parameters and their errors, joints, loads; the two statements on inclusions.
+
+Guards: laws/joint.py.
+"""
 
 import dataclasses
 import math

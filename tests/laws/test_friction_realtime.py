@@ -1,4 +1,7 @@
-"""One-step forms solve their implicit equation, tend to the exact solution, and are stable as stated."""
+"""One-step forms solve their implicit equation, tend to the exact solution, and are stable as stated.
+
+Guards: laws/friction/stepping.py.
+"""
 
 import math
 

@@ -1,4 +1,7 @@
-"""Diffusions: exact laws, measured orders, one path for all steps, and what noise leaves of sticking."""
+"""Diffusions: exact laws, measured orders, one path for all steps, and what noise leaves of sticking.
+
+Guards: kernels/noise/, noise/.
+"""
 
 import math
 import warnings

@@ -1,4 +1,7 @@
-"""Diffusions beside a disc: across its surface, where nothing sticks, and under noise that leaves it alone."""
+"""Diffusions beside a disc: across its surface, where nothing sticks, and under noise that leaves it alone.
+
+Guards: kernels/noise/discs.py.
+"""
 
 import math
 import warnings

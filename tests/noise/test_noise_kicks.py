@@ -1,4 +1,7 @@
-"""Kicks: exact answers, reproducibility, and what they do to switches."""
+"""Kicks: exact answers, reproducibility, and what they do to switches.
+
+Guards: kernels/noise/kicks.py, kernels/noise/random.py.
+"""
 
 import math
 from dataclasses import replace

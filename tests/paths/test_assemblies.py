@@ -1,4 +1,7 @@
-"""Large families: events that write their neighbours or come at given times, what is kept, and checkpoints."""
+"""Large families: events that write their neighbours or come at given times, what is kept, and checkpoints.
+
+Guards: paths/checkpoint.py, results/assembly.py, results/counting.py.
+"""
 
 import os
 import shutil

@@ -1,4 +1,7 @@
-"""Integration backward in time: what can be undone is undone, and the rest is named."""
+"""Integration backward in time: what can be undone is undone, and the rest is named.
+
+Guards: definition/reversal.py, paths/backward.py.
+"""
 
 import math
 

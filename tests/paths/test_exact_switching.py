@@ -1,4 +1,7 @@
-"""What surrounds the exact answers: kinds of events, cost, orders, reports. The numbers: test_verify.py."""
+"""What surrounds the exact answers: kinds of events, cost, orders, reports. The numbers: test_verify.py.
+
+Guards: kernels/step/methods/.
+"""
 
 import itertools
 import math

@@ -1,6 +1,9 @@
 """Numerical failures are outcomes: the text says what to try, the partial solution is kept, nothing is raised.
 
 And what a run may stop at or must say: terminal events, ambiguities, layers that never come to rest.
+
+Guards: kernels/outcome.py, kernels/instant/other_motions.py, kernels/instant/twofolds.py,
+kernels/surface/layer.py, paths/words.py.
 """
 
 import math

@@ -1,4 +1,7 @@
-"""solve() on smoothed views: the stiff path as a Solution, beside SciPy's methods."""
+"""solve() on smoothed views: the stiff path as a Solution, beside SciPy's methods.
+
+Guards: paths/smoothed.py.
+"""
 
 import numpy as np
 import pytest

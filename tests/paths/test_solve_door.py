@@ -1,4 +1,7 @@
-"""Bad input to solve() is refused at the door: the argument, its value and the remedy; nothing else happens."""
+"""Bad input to solve() is refused at the door: the argument, its value and the remedy; nothing else happens.
+
+Guards: door/.
+"""
 
 import math
 import re

@@ -1,4 +1,7 @@
-"""Points to draw: they lie on the solution, with both sides of every event, through arcs, accumulations and discs."""
+"""Points to draw: they lie on the solution, with both sides of every event, through arcs, accumulations and discs.
+
+Guards: results/sampling.py.
+"""
 
 import functools
 

@@ -1,4 +1,7 @@
-"""Solutions in files: what comes back is what was saved, bit for bit, and nothing of a file is run."""
+"""Solutions in files: what comes back is what was saved, bit for bit, and nothing of a file is run.
+
+Guards: results/files.py.
+"""
 
 import json
 import zipfile

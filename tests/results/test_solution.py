@@ -1,4 +1,7 @@
-"""Solution: names, segments, dense evaluation and other forms, on a trajectory known in closed form."""
+"""Solution: names, segments, dense evaluation and other forms, on a trajectory known in closed form.
+
+Guards: results/.
+"""
 
 import pickle
 import types

@@ -1,4 +1,7 @@
-"""Sketches: parts stand where the equations say, and films show them."""
+"""Sketches: parts stand where the equations say, and films show them.
+
+Guards: plotting/films.py.
+"""
 
 import functools
 import json

@@ -1,4 +1,7 @@
-"""The slider-crank with a clearance joint: first impacts, the ideal limit, energy, and other laws in the same joint."""
+"""The slider-crank with a clearance joint: first impacts, the ideal limit, energy, and other laws in the same joint.
+
+Guards: scenes/journal.py.
+"""
 
 import math
 

@@ -1,4 +1,7 @@
-"""Basins of attraction and orbit diagrams."""
+"""Basins of attraction and orbit diagrams.
+
+Guards: sweep/attractors.py, sweep/orbits.py.
+"""
 
 import math
 

@@ -1,4 +1,7 @@
-"""Sweeps, orbit diagrams and basins of autonomous systems, by their returns to a section; slow starts of basins."""
+"""Sweeps, orbit diagrams and basins of autonomous systems, by their returns to a section; slow starts of basins.
+
+Guards: sweep/periodicity.py.
+"""
 
 import math
 

@@ -1,4 +1,7 @@
-"""sweep(): the same numbers as single solves and closed forms, whatever the chunks and the threads."""
+"""sweep(): the same numbers as single solves and closed forms, whatever the chunks and the threads.
+
+Guards: kernels/sweeping/, sweep/.
+"""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,7 @@
-"""A sweep in a store survives: killed at any moment it resumes, with the bits of a run that was not."""
+"""A sweep in a store survives: killed at any moment it resumes, with the bits of a run that was not.
+
+Guards: sweep/store.py, sweep/running.py.
+"""
 
 import errno
 import functools

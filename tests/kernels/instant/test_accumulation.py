@@ -4,6 +4,8 @@
 
 turns around the corner x = y = 0. On an axis at height r it needs r/(a + 1) to the next one, which it meets at
 r (a - 1)/(a + 1): intervals and heights shrink by q = (a - 1)/(a + 1), and the corner is reached after r/2.
+
+Guards: kernels/instant/accumulation.py, paths/limits.py.
 """
 
 from fractions import Fraction

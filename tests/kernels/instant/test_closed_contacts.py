@@ -1,6 +1,8 @@
 """A closed contact at which something jumps: a force, a velocity, the wall's motion, another contact.
 
 Closed forms: uniformly accelerated flights, Newton's restitution, complementarity of all that close at once.
+
+Guards: kernels/instant/contacts.py, kernels/instant/together.py.
 """
 
 import math

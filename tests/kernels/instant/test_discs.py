@@ -1,6 +1,8 @@
 """Vector friction: slip that comes to rest, sticks and begins again; closed forms and reference numbers.
 
 Numbers that stand here without a formula were made by mpmath or by tests/fuzz/polar.py, not by the package.
+
+Guards: kernels/instant/discs.py, kernels/step/onset.py, kernels/surface/vector.py.
 """
 
 import math

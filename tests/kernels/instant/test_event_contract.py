@@ -1,4 +1,7 @@
-"""The contract of Event: when it fires, in which order, from which values; and what dense output says between."""
+"""The contract of Event: when it fires, in which order, from which values; and what dense output says between.
+
+Guards: kernels/instant/, kernels/firing.py, kernels/trajectory.py, paths/clock.py.
+"""
 
 import math
 

@@ -2,6 +2,8 @@
 
 The automaton of Olami, Feder and Christensen is written out here; the pulse-coupled oscillators of Mirollo and Strogatz
 have their volleys by exact jumps from firing to firing.
+
+Guards: kernels/firing.py, kernels/instant/firing.py.
 """
 
 from fractions import Fraction

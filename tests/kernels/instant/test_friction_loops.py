@@ -2,6 +2,9 @@
 
 Beside one brake with the strength of all, linear programs for what can still be held, differences of runs, and elements
 that are written out. Random ones: tests/fuzz/loops.py.
+
+Guards: kernels/instant/dry_friction.py, kernels/instant/holding.py, kernels/instant/resting.py,
+kernels/surface/sharing.py, kernels/surface/dependent.py.
 """
 
 import numpy as np

@@ -1,4 +1,7 @@
-"""Hidden static friction of a family in runs of all its elements: two levels in loops, shown as lambda and folds."""
+"""Hidden static friction of a family in runs of all its elements: two levels in loops, shown as lambda and folds.
+
+Guards: paths/levels.py.
+"""
 
 import numpy as np
 import pytest

@@ -2,6 +2,8 @@
 
 Numbers that stand here without a formula: the reference chain by order 32 with all elements renewed at every event, the
 front's speeds from the closed form that stands beside them. Random assemblies: tests/fuzz/assemblies.py.
+
+Guards: codegen/patch.py, codegen/families/memory.py, kernels/local/, kernels/fresh.py, paths/patches.py.
 """
 
 import numpy as np

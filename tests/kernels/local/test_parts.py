@@ -1,4 +1,7 @@
-"""Parts of a large family that threads work on: cuts, the same bits on one thread and on two, and every way to stop."""
+"""Parts of a large family that threads work on: cuts, the same bits on one thread and on two, and every way to stop.
+
+Guards: kernels/local/parts.py.
+"""
 
 import threading
 

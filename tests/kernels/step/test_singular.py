@@ -2,6 +2,8 @@
 
 Closed forms throughout: h' = -h^p arrives at t = h0^(1 - p)/(1 - p) and rests; |v|' = -|v|^(-1/5) ends, where it began
 with v0, at t = v0^1.2/1.2. And what is no singular point is not watched.
+
+Guards: definition/singular.py, kernels/step/singular.py.
 """
 
 import math

@@ -1,4 +1,7 @@
-"""The sparse linear system of the solved multipliers against dense linear algebra."""
+"""The sparse linear system of the solved multipliers against dense linear algebra.
+
+Guards: kernels/surface/sparse.py.
+"""
 
 import numpy as np
 import pytest

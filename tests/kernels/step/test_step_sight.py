@@ -1,4 +1,7 @@
-"""Steps see what their events depend on: surfaces with their own series, functions flat where a step begins."""
+"""Steps see what their events depend on: surfaces with their own series, functions flat where a step begins.
+
+Guards: kernels/step/.
+"""
 
 import math
 

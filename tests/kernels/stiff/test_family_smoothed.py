@@ -1,4 +1,7 @@
-"""Implicit steps of families, in smoothed views and between events: loops over elements, and a sparse elimination."""
+"""Implicit steps of families, in smoothed views and between events: loops over elements, and a sparse elimination.
+
+Guards: kernels/stiff/sparse.py.
+"""
 
 import itertools
 import time
@@ -6,6 +9,7 @@ import time
 import numpy as np
 import pytest
 import sympy as sp
+from family_models import template_from
 
 from pwsmooth import Disc, Event, Family, Kicks, System, solve
 from pwsmooth.codegen.machine.units import unit_address
@@ -48,8 +52,9 @@ def oscillators(n):
 @pytest.mark.parametrize("sigmoid", ["algebraic", "tanh", "erf"])
 @pytest.mark.parametrize("method", ["auto", "radau5", "radau13", "taylor"])
 def test_loops_over_elements_are_the_view_that_is_written_out(make, sigmoid, method):
-    system, start = make(9)
-    view = system.smoothed(1e-2, sigmoid)
+    with template_from(1):
+        system, start = make(4)
+        view = system.smoothed(1e-2, sigmoid)
     written = view._written_out()
     assert view.model.families is not None and written.model.families is None
     options = dict(rtol=1e-9, method=method)
@@ -129,8 +134,9 @@ def test_the_plan_eliminates_any_pattern(seed):
 
 
 def test_scipys_solvers_kicks_and_samples_take_it():
-    system, start = train(12)
-    view = system.smoothed(1e-2)
+    with template_from(1):
+        system, start = train(5)
+        view = system.smoothed(1e-2)
     ours = solve(view, (0, 2), start, rtol=1e-10, t_eval=[0.5, 2.0])
     theirs = solve(view, (0, 2), start, rtol=1e-9, atol=1e-11, method="Radau")
     assert np.abs(ours.x[:, -1] - theirs.x[:, -1]).max() < 1e-6
@@ -217,8 +223,9 @@ def test_elements_have_discs(of):
 
 
 def test_a_smoothed_view_of_discs_is_looped():
-    system, start = pucks(9)
-    view = system.smoothed(1e-3)
+    with template_from(1):
+        system, start = pucks(3)
+        view = system.smoothed(1e-3)
     runs = [solve(v, (0, 3), start, rtol=1e-9) for v in (view, view._written_out())]
     assert view.model.families is not None
     assert np.abs(runs[0].x[:, -1] - runs[1].x[:, -1]).max() < 1e-7
@@ -292,11 +299,12 @@ def test_memories_of_a_chain_and_of_a_ring_are_not_the_same():
 
 @pytest.mark.parametrize("make", [train, oscillators, pucks])
 def test_smoothed_switches_of_elements_are_outputs(make):
-    system, start = make(9)
-    view = system.smoothed(1e-2)
+    with template_from(1):
+        system, start = make(4)
+        view = system.smoothed(1e-2)
     runs = [solve(v, (0, 2), start, rtol=1e-10, t_eval=[1.0, 2.0]) for v in (view, view._written_out())]
     names = runs[1].outputs
-    assert len(names) >= 9 and set(runs[0].outputs) == set(names)
+    assert len(names) >= 4 and set(runs[0].outputs) == set(names)
     for name in names:
         assert runs[0][name] == pytest.approx(runs[1][name], abs=1e-7)
 

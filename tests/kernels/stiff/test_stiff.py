@@ -1,4 +1,7 @@
-"""The smoothed path: order, accuracy, layers that are never stepped over, events, failures."""
+"""The smoothed path: order, accuracy, layers that are never stepped over, events, failures.
+
+Guards: kernels/stiff/.
+"""
 
 import dataclasses
 import functools

@@ -1,4 +1,7 @@
-"""method="stiff": systems whose switches are passed and never slid on, by implicit steps between exact events."""
+"""method="stiff": systems whose switches are passed and never slid on, by implicit steps between exact events.
+
+Guards: kernels/stiff/events.py, paths/stiff_arrays.py.
+"""
 
 import math
 

@@ -4,6 +4,8 @@
 
 The largest hold is mu_s = (2/3)(1 + rho) sqrt((1 + rho)/(3 rho)), so that A breaks the stick if and only if
 A^2 > (4/9)(1 + rho)^3/(3 rho): decided here in exact fractions.
+
+Guards: definition/folds.py, kernels/step/arc.py, kernels/instant/folds.py.
 """
 
 import math

@@ -1,4 +1,7 @@
-"""The first root of a step's polynomial on [0, 1]: complete, and to rounding."""
+"""The first root of a step's polynomial on [0, 1]: complete, and to rounding.
+
+Guards: kernels/step/roots.py.
+"""
 
 import ctypes
 

@@ -1,4 +1,7 @@
-"""Surfaces that are no coordinate: steep, of time alone, resting at zero, or jumping with another switch."""
+"""Surfaces that are no coordinate: steep, of time alone, resting at zero, or jumping with another switch.
+
+Guards: kernels/surface/.
+"""
 
 import math
 
