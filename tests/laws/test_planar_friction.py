@@ -1,4 +1,7 @@
-"""Discs in notation, laws, mechanisms, views and files; what they refuse, by name."""
+"""Discs in notation, laws, mechanisms, views and files; what they refuse, by name.
+
+Guards: definition/discs.py.
+"""
 
 import numpy as np
 import pytest
@@ -83,18 +86,26 @@ PLANAR = [
 ]
 
 
-def on_springs(law, push, start=(0.0, 0.0, 0.0, 0.0)):
+def on_springs(law, push, start=(0.0, 0.0, 0.0, 0.0), parameters=None):
     """The run of a mass on springs with the law, under a push with components."""
     pieces = law.attach(velocity=(u, v), position=(x, y))
     rates = {x: u, y: v, u: push[0] - x - pieces.force[0], v: push[1] - y - pieces.force[1]}
-    system, first, _ = assemble(rates, pieces, time=t, start=dict(zip(rates, map(float, start), strict=True)))
+    start = dict(zip(rates, map(float, start), strict=True))
+    system, first, _ = assemble(rates, pieces, time=t, start=start, parameters=parameters)
     return solve(system, (0, 8), first, rtol=1e-11, atol=1e-13)
+
+
+def pushed(law, sine, cosine, start):
+    """The same under the push sine sin(t) + cosine cos(0.7 t): one model, whatever these two vectors are."""
+    a, b = sp.symbols("sine_x sine_y", real=True), sp.symbols("cosine_x cosine_y", real=True)
+    push = [a[i] * sp.sin(t) + b[i] * sp.cos(0.7 * t) for i in range(2)]
+    return on_springs(law, push, start, dict(zip((*a, *b), map(float, (*sine, *cosine)), strict=True)))
 
 
 @pytest.mark.parametrize("law", PLANAR, ids=lambda law: type(law).__name__)
 def test_a_law_in_the_plane_is_the_scalar_one_along_a_line(law):
     push, angle = 2 * sp.sin(t), 0.7
-    both = on_springs(law, [push * np.cos(angle), push * np.sin(angle)])
+    both = pushed(law, [2 * np.cos(angle), 2 * np.sin(angle)], [0, 0], [0, 0, 0, 0])
     pieces = law.attach(velocity=u, position=x)
     line, first, _ = assemble({x: u, u: push - x - pieces.force}, pieces, time=t, start={x: 0, u: 0})
     one = solve(line, (0, 8), first, rtol=1e-11, atol=1e-13)
@@ -107,10 +118,11 @@ def test_a_law_in_the_plane_is_the_scalar_one_along_a_line(law):
 
 @pytest.mark.parametrize("law", PLANAR, ids=lambda law: type(law).__name__)
 def test_a_turned_frame_sees_the_same_motion(law):
-    push, start = np.array([2.5 * sp.sin(t), 1.8 * sp.cos(0.7 * t)]), np.array([0.3, -0.2, 0.5, 0.1])
+    sine, cosine, start = np.array([2.5, 0]), np.array([0, 1.8]), np.array([0.3, -0.2, 0.5, 0.1])
     angle = 0.9
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    one, turned = on_springs(law, push, start), on_springs(law, turn @ push, np.kron(np.eye(2), turn) @ start)
+    one = pushed(law, sine, cosine, start)
+    turned = pushed(law, turn @ sine, turn @ cosine, np.kron(np.eye(2), turn) @ start)
     # Not the kinks: elastoplastic bristles tend to one of theirs, and meet it by rounding.
     events = [[e for e in run.events if e.kind != "crossing"] for run in (one, turned)]
     assert [e.kind for e in events[0]] == [e.kind for e in events[1]]
