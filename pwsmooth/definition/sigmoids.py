@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
-from ..door import checks
+from ..door import calls, checks
 from .lambdified import numpy_function
 from .model import Model
 
@@ -230,7 +230,7 @@ def sigmoid(name):
     except (KeyError, TypeError):
         raise ValueError(
             f"`sigmoid` is {checks.shown(name)}, the name of none; choose one of {', '.join(SIGMOIDS)}, or give "
-            "an expression in u."
+            "an expression in u." + calls.hint(name, SIGMOIDS)
         ) from None
 
 

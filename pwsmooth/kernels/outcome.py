@@ -61,20 +61,21 @@ class Outcome(IntEnum):
 _TEXTS = {
     Outcome.FINISHED: "The end of `t_span` was reached.",
     Outcome.TERMINATED: "A terminal event stopped the run.",
-    Outcome.AMBIGUITY: "The solution is not unique from here (`strict=True` stops there): see `ambiguities` "
-    "for the continuations; `strict=False` follows the recorded one.",
+    Outcome.AMBIGUITY: "The solution is not unique from here (`strict=True` stops there): see the solution's "
+    "`ambiguities` for the continuations; `strict=False` follows the recorded one.",
     Outcome.NOT_FINITE: "The right-hand side became nan or infinite: look at the last state for a pole, a "
     "negative base of a power, or a missing branch.",
-    Outcome.STEP_UNDERFLOW: "The step fell below the spacing of numbers at this time: a singularity is near, "
-    "or the tolerance cannot be met; try a looser `rtol`, or another `method`.",
+    Outcome.STEP_UNDERFLOW: "The step fell below the spacing of numbers at this time. Where a state or its rate has "
+    "become huge, the motion has a singularity, past which no option leads; elsewhere the tolerance cannot be met: "
+    "take a larger `rtol` or `atol`, or another `method`.",
     Outcome.TOO_MANY_STEPS: "The bound on steps was reached: raise `max_steps`, or shorten `t_span`.",
     Outcome.EVENTS_ACCUMULATE: "An event resets the state so that it fires again ever sooner, and no event says what "
     "holds from the limit time on: write a contact as `Unilateral`, or let a terminal event stop the run.",
     Outcome.CHATTERING: "Switchings accumulate and their limit time did not converge, or they go on for ever while the "
     "motion stays within `atol`: check the restitution and the surfaces that switch, add an event that ends the "
     "chattering, or take a smoothed view.",
-    Outcome.EVENT_LOOP: "Events at one instant keep firing each other: let their `when` conditions exclude "
-    "each other after the update.",
+    Outcome.EVENT_LOOP: "Events at one instant keep firing each other: let the `when` of each "
+    "`Event` exclude the others after the update.",
     Outcome.NO_ROOT: "No attracting root of the layer was found and no direction leads out of it: the layer "
     "system may be unbounded; check the sign of the hidden term.",
     Outcome.SINGULAR: "The equations of the sliding, closed or algebraic multipliers are singular: two of them "
@@ -88,9 +89,10 @@ _TEXTS = {
     Outcome.IRREVERSIBLE: "Backward in time the past is not unique from here: forward the motion has come to a "
     "stick or to rest, an event has set a memory, or an impact returned nothing. Start before it and go forward.",
     Outcome.LAYER_UNSETTLED: "The layer system neither settled nor left within its bound: a hidden "
-    "oscillation, perhaps a slow one; try another `eps_ratio`, or the smoothed view.",
+    "oscillation, perhaps a slow one; try another `eps_ratio` of `system.layered(...)`, or the "
+    "smoothed view.",
     Outcome.DETERMINACY_LOST: "The solution has reached a two-fold, from which many solutions leave and none "
-    "is distinguished: see `ambiguities`; a smoothed view decides for one.",
+    "is distinguished: see the solution's `ambiguities`; a smoothed view decides for one.",
     Outcome.OUT_OF_MEMORY: "The steps that are kept no longer fit into memory: ask for the times you need by `t_eval` "
     "without `dense_output`, go in several spans, or see why the steps are so short.",
     Outcome.TIME_LIMIT: "The time that the call was given is over: raise `max_seconds`, or go on from the last state.",

@@ -6,6 +6,7 @@ Guards: kernels/outcome.py, kernels/instant/other_motions.py, kernels/instant/tw
 kernels/surface/layer.py, paths/words.py.
 """
 
+import inspect
 import math
 import re
 
@@ -338,3 +339,11 @@ def test_a_run_that_ends_at_its_start_has_the_values_of_its_start():
     with pytest.raises(ValueError, match="leaves the solved span"):
         run(1.0)
     assert len(run.sample()["x"]) >= 1
+
+
+def test_every_argument_that_a_text_names_is_one_of_solve_or_stands_beside_what_has_it():
+    options = inspect.signature(solve).parameters
+    owners = {"eps_ratio": "layered", "ambiguities": "the solution's", "when": "`Event`"}
+    for outcome in Outcome:
+        for name in re.findall(r"`([a-z_]+)`", outcome.text):
+            assert name in options or owners[name] in outcome.text, (outcome, name)
