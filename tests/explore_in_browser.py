@@ -737,7 +737,7 @@ FAULTS: dict[str, tuple[str, str, str, str]] = {
         ".ends { visibility: visible; }", ".ends { display: none; }\n  .slider:is(:hover, :focus-within) .ends { display: "
         "flex; }", "fields",
     ),
-    "the mechanism stays a speck": ("explore/static/views.js", "> 3 * wide(reach)", "> 3e9 * wide(reach)", "fields"),
+    "the mechanism stays a speck": ("explore/static/views.js", "> 3 * wide(reach)", "> Infinity * wide(reach)", "fields"),
     "an empty diagram has no word": (
         "explore/static/views.js", "first.hidden = !!(job?.header || scene.alone)", "first.hidden = true", "fields",
     ),

@@ -170,13 +170,14 @@ class Live:
 
     def _remedies(self, begin: float, end: float) -> list[tuple[str, Any]]:
         """What the page itself can do where a run has stopped: a part of the state that helps."""
-        # Where a solution is no longer the only one a shorter span shows the same.
-        short = end > begin and self.solution and self.solution.outcome not in _UNDECIDED
-        found: list[tuple[str, Any]] = [
-            ("Shorter span", {"t_span": (begin, begin + 0.98 * (end - begin))})
-        ] * bool(short)
-        smoothed = switches(self.subject.system.model) and not self.subject.system._view
-        return found + [("Smoothed view", {"view": "smoothed"})] * bool(smoothed)
+        outcome = self.solution.outcome if self.solution else Outcome.FINISHED
+        found: list[tuple[str, Any]] = []
+        if end > begin and outcome not in _UNDECIDED:  # else a shorter span ends at the same place
+            found.append(("Shorter span", {"t_span": (begin, begin + 0.98 * (end - begin))}))
+        if end > begin or outcome in _UNDECIDED:  # else the values are to blame
+            smoothed = switches(self.subject.system.model) and not self.subject.system._view
+            found += [("Smoothed view", {"view": "smoothed"})] * bool(smoothed)
+        return found
 
     @property
     def _fast(self) -> tuple[str, ...]:

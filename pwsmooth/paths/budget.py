@@ -56,7 +56,7 @@ class Budget:
         self.stop = stop
         self.watched = not (outer is seconds is stop is None)  # by more than the bound on its own steps
 
-    def part(self, steps: int) -> Budget:
+    def part(self, steps: float) -> Budget:
         """One of so many steps beside it, which ends at the same time."""
         found = Budget(steps, stop=self.stop)
         found.deadline, found.watched = self.deadline, self.watched

@@ -9,6 +9,7 @@ Chain: stiff_events.py, event_driven.py -> **this file** -> solve.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 
 import numpy as np
@@ -46,17 +47,21 @@ def instead(
 
     `explicit` and `implicit` begin at its start; the latter over a span, and raise ValueError where they cannot.
     """
-    steps = look_after(looked.model)
-    if _is_held(looked, steps):
-        begin, reached = float(looked.t[0]), float(looked.t[-1])
-        try:
-            if implicit((begin, reached), spending.part(steps // FEWER)).outcome == Outcome.FINISHED:
-                found = implicit((begin, end), spending)
-                if found.success or found.outcome in (Outcome.TOO_MANY_STEPS, Outcome.TIME_LIMIT):
-                    return found
-        except ValueError:  # such steps do not run this system
-            pass
-    return explicit(spending)
+    steps, begin, reached = look_after(looked.model), float(looked.t[0]), float(looked.t[-1])
+    if not _is_held(looked, steps):
+        return explicit(spending)
+    again = spending.part(spending.left)
+    with contextlib.suppress(ValueError):  # such steps do not run this system
+        if implicit((begin, reached), spending.part(steps // FEWER)).outcome == Outcome.FINISHED:
+            found = implicit((begin, end), spending)
+            if found.success or found.outcome in (Outcome.TOO_MANY_STEPS, Outcome.TIME_LIMIT):
+                return found
+    found = explicit(spending)
+    if found.outcome == Outcome.TOO_MANY_STEPS:  # the stretch was no picture of the whole
+        with contextlib.suppress(ValueError):
+            if (other := implicit((begin, end), again)).success:
+                return other
+    return found
 
 
 def _is_held(looked: Solution, steps: int) -> bool:

@@ -211,6 +211,13 @@ def test_a_refusal_marks_its_own_field_and_offers_a_view_that_helps(oscillator, 
     assert [text for text, _ in header["remedies"]] == ["Take the layered view"] * view
 
 
+def test_a_run_that_dies_at_its_start_has_pictures_and_no_remedy_that_cannot_help(oscillator):
+    current = live.Live(oscillator)
+    header, arrays = current.orbit({**asked(oscillator), "p": {"mass": 1e-300}})
+    assert header["stopped"] == 0 and not header["remedies"] and arrays["t"].tolist() == [0.0]
+    assert current.layer({"switch": "lam", "t": 3.0})[0]["t"] == 0 and current.sentence()[0]["said"]
+
+
 def test_what_stops_at_a_bound_of_the_page_is_told_in_its_words(oscillator, monkeypatch):
     monkeypatch.setitem(describe.LIMITS, "steps", 20)
     header, _ = live.Live(oscillator).orbit(asked(oscillator))
@@ -894,7 +901,7 @@ def test_a_fault_at_one_state_does_not_end_what_answers_the_others(oscillator, m
 
 def test_without_the_extra_the_command_names_it(monkeypatch):
     monkeypatch.setattr(opening.importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(ImportError, match=r"pip install 'pwsmooth\[explore\]'"):
+    with pytest.raises(ImportError, match="pip install 'websockets"):
         opening.command("friction_oscillator", None, None, "", 0, False, False, print)
 
 

@@ -1,4 +1,7 @@
-"""method="auto" takes implicit steps where stiffness holds explicit ones short, and nowhere else."""
+"""method="auto" takes implicit steps where stiffness holds explicit ones short, and nowhere else.
+
+Guards: paths/stiffness.py.
+"""
 
 import numpy as np
 import pytest
@@ -61,6 +64,14 @@ def test_a_system_of_ones_own_is_looked_at_too():
     bristle = v - 1e5 * sp.Abs(v) * z
     own = System({x: v, v: sp.cos(t) - x - 1e5 * z - 300 * bristle, z: bristle}, time=t)
     assert solve(own, (0, 20), {x: 0.5, v: 0.3, z: 0}).tolerances["method"] == "stiff"
+
+
+def test_what_stops_by_explicit_steps_is_run_by_implicit_ones_after_all():
+    # Its first 10 000 steps are those of the start, which is no easier for implicit ones.
+    scene = block_on_belt(friction.BlimanSorine())
+    assert "method" not in scene.solve().tolerances
+    run = scene.solve((0, 150), max_steps=100_000)
+    assert run.success and run.tolerances["method"] == "stiff"
 
 
 def test_a_family_of_stiff_bristles_is_run_by_implicit_steps():
