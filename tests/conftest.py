@@ -1,8 +1,10 @@
 """Which cases are `thorough`, and how long cases took: `pytest --record FILE`.
 
-The short command leaves the cases of thorough.toml to `pytest -m thorough`; each stands there with its reason.
+The short command leaves the cases of thorough.toml to `pytest -m thorough`; each stands there with its reason. Those
+that take a minute and more have this mark where they stand; .ci/run does without them and runs the table, `-m moved`.
 """
 
+import gc
 import json
 import tomllib
 from collections import defaultdict
@@ -36,6 +38,7 @@ def pytest_collection_modifyitems(config, items):
             used |= found
             moved += 1
             item.add_marker(pytest.mark.thorough)
+            item.add_marker(pytest.mark.moved)
     config.stash[ALL], config.stash[MOVED] = len(items), moved
     if not any("::" in str(argument) for argument in config.args):
         lost = sorted(name for name in table.keys() - used if name.partition("::")[0] in files)
@@ -67,5 +70,8 @@ class Recorder:
 
 
 def pytest_configure(config):
+    # sympy and numba make millions of objects and few circles of them: to look for these as often as Python does by
+    # default takes a twelfth of the time.
+    gc.set_threshold(100_000, 20, 100)
     if (path := config.getoption("--record")) and not hasattr(config, "workerinput"):
         config.pluginmanager.register(Recorder(path))

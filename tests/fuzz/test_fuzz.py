@@ -38,7 +38,6 @@ def test_no_random_case_is_silently_wrong(name):
     no_case_is_wrong(name, rest=False)
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("name", REST)
 def test_no_random_case_of_other_structures_is_silently_wrong(name):
     no_case_is_wrong(name, rest=True)
