@@ -65,7 +65,9 @@ def on_first_use(package, home):
 
     def get(name):
         if name not in home:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            from .door.calls import hint
+
+            raise AttributeError(f"module {package!r} has no attribute {name!r}." + hint(name, home))
         value = getattr(importlib.import_module(f".{home[name]}", package), name)
         setattr(module, name, value)
         return value

@@ -318,6 +318,11 @@ def test_the_version_is_that_of_the_distribution():
     assert pwsmooth.__version__ == version("pwsmooth") and "__version__" in dir(pwsmooth)
 
 
+def test_a_misspelt_public_name_is_led_to_the_one_that_was_meant():
+    with pytest.raises(AttributeError, match=r"'find_orbits'. Did you mean 'find_orbit'\?"):
+        pwsmooth.find_orbits  # noqa: B018
+
+
 def test_errors_inside_a_call_are_not_taken_for_misfits():
     @checks.door()
     def outer(a):
