@@ -1,28 +1,27 @@
-"""solve(): checks at the door and the choice of path.
+"""solve(): the call is checked, and the first path that serves it runs.
 
-Event-driven for systems that switch (paths/event_driven.py), the stiff path for smoothed views (paths/smoothed.py).
-Chain: System -> Model -> codegen -> kernels -> the two paths -> **solve** -> Solution.
+    solve(system, t_span, x0, ...)  --checked()-->  Call  --path_for()-->  path.run(call)  -->  Solution
+
+Chain: System -> paths/call.py (the door and what a path is) -> the paths -> **solve** -> Solution.
 """
 
 from __future__ import annotations
 
-import functools
 import inspect
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from .definition.families.recording import Recorder
 from .door import checks
-from .paths.budget import MOST_STEPS, Budget, opened
-from .paths.event_driven import LOOSEST, EventDriven, Options, prepared_run
-from .paths.local import run_locally
-from .paths.locality import LOCAL_FROM, MANY, runs_locally
-from .paths.parts import threads_for
-from .paths.stiffness import LOOK, instead, look_after, passes_only
-from .results.solution import Outcome, Solution
+from .noise import diffusion_path
+from .paths import backward, event_driven, functions, smoothed, stiff_events, stiffness
+from .paths import local as local_events
+from .paths.budget import MOST_STEPS
+from .paths.call import Call, Inner, Path, checked, without_start
+from .paths.event_driven import EventDriven, prepared_run
+from .paths.locality import LOCAL_FROM, MANY
+from .results.solution import Solution
 
 
 @checks.door()
@@ -129,180 +128,87 @@ def solve(
     >>> solve(relay, (0, 5), {x: 0}).itinerary
     ('sgn(x - 2)=-1', 'sgn(x - 2) sliding')
     """
-    checks.system(system, "`system`", functions=True)
-    method = checks.name(method, "`method`")
-    if parameters is not None:
-        system = system.with_parameters(parameters)
-    t0, t1 = checks.span(t_span, backward=True)
-    if system.model.functions:
-        asked = {
-            f"`method` is {method!r}": method not in ("auto", "rk"),
-            "`noise` is given": noise is not None,
-            "`with_respect_to` is given": with_respect_to is not None,
-            "`t_span` decreases": t0 > t1,
-        }
-        if refused := [what for what, so in asked.items() if so]:
-            raise ValueError(
-                f"{refused[0]} for a system of functions, which runs forward on the pair, method 'rk', without noise "
-                "and derivatives; leave it out, or write the model in symbols."
-            )
-    if with_respect_to is not None:
-        from .paths.derivatives.of_solution import Derivatives, quantities, run_beside
+    call = checked(
+        system, t_span, x0, method=method, rtol=rtol, atol=atol, t_eval=t_eval, dense_output=dense_output,
+        max_step=max_step, max_steps=max_steps, max_seconds=max_seconds, order=order, strict=strict,
+        parameters=parameters, noise=noise, with_respect_to=with_respect_to, local=local, record=record,
+        threads=threads,
+    )  # fmt: skip
+    solution = path_for(call).run(call)
+    solution.noise = noise
+    if call.wanted is not None:
+        from .paths.derivatives.of_solution import derivatives_of
 
-        system = given = system._written_out()
-        wanted = quantities(system, with_respect_to)
-    if t0 > t1:
-        several = noise is not None or dense_output or method == "stiff" or with_respect_to is not None
-        if several or local or record is not None:
-            raise ValueError(
-                "`t_span` decreases: backward in time there is no `noise`, no `dense_output`, no `with_respect_to`, no "
-                "method 'stiff', no `record`, and nothing is `local`; give `t_eval` for wanted times."
-            )
-        from .paths.backward import solve_backward
-
-        def run(mirrored, span, times):
-            return solve(
-                mirrored, span, x0, method=method, rtol=rtol, atol=atol, t_eval=times, max_step=max_step,
-                max_steps=max_steps, max_seconds=max_seconds, order=order, strict=strict,
-            )  # fmt: skip
-
-        mirrored, ends = system._backward()
-        return solve_backward(system, mirrored, ends, run, (-t0, -t1), t_eval)
-    if (dense_output or with_respect_to is not None or method == "stiff") and not (local or record):
-        system = system._without_levels()
-    kicks: Any = None  # a KickedRun or a DiffusionRun
-    if noise is not None:
-        from .noise.prepared import prepared
-
-        kicks = prepared(system, noise, method)
-        system = kicks.system if kicks else system
-    model = system.model
-    start = system.initial_state(x0, t0)
-    if with_respect_to is not None:
-        same = dict(
-            method=method,
-            rtol=rtol,
-            atol=atol,
-            max_step=max_step,
-            max_steps=max_steps,
-            order=order,
-            noise=noise,
-        )
-        beside = functools.partial(run_beside, solve, given, (t0, t1), start, same, wanted)
-        derived = functools.partial(Derivatives, wanted=wanted, again=beside, kept={})
-    times = checks.wanted_times(t_eval, t0, t1)
-    diffuses, smoothed = hasattr(kicks, "solve"), bool(model.smoothing) and not model.multipliers
-    stiff = method == "stiff" and not smoothed
-    threads = checks.optional(checks.integer(1))(threads, "`threads`")
-    spending = opened(max_steps, max_seconds)
-    if local and (diffuses or smoothed or stiff):
-        what = "a diffusion" if diffuses else "a smoothed view" if smoothed else "method='stiff'"
-        raise ValueError(f"`local` is True, but {what} is a run of the whole system; leave it out.")
-    if not (diffuses or smoothed or stiff):
-        rows = with_respect_to is not None
-        taped = rows or (dense_output and model.families is None)
-        options = Options(method, rtol, atol, dense_output, max_step, max_steps, order, strict, taped, rows)
-        record = checks.optional(checks.instance(Recorder, "Recorder(...)"))(record, "`record`")
-        present = (record is not None, kicks is not None, with_respect_to is not None)
-        if runs_locally(model, options, times, local, *present):
-            threads = threads_for(threads, spending.outer is not None)
-            return run_locally(system, t0, t1, start, times, options, record, threads, spending)
-        if record is not None:
-            raise ValueError("`record` is given, but the run is not one of local events; leave it out.")
-        p = np.array(system.parameter_values, float)
-        ready = prepared_run(model, options)
-        if with_respect_to is not None and not ready.by_series:
-            ready = prepared_run(model, options._replace(dense=True))
-
-        def explicit(within: Budget) -> Solution:
-            return ready.solve(system, p, t0, t1, start, times, within, kicks)
-
-        chooses = method == "auto" and kicks is None and not rows and order is None and not strict
-        if chooses and max_steps > (look := look_after(model)) and passes_only(model):
-            solution = explicit(spending.part(look))
-            if solution.outcome == Outcome.TOO_MANY_STEPS:
-                from .paths.stiff_events import solve_stiff
-
-                tight = min(checks.relative_tolerance(rtol), LOOSEST)
-                absolute, longest = checks.absolute_tolerance(atol, model.states), checks.longest_step(max_step)
-
-                def implicit(span: tuple[float, float], within: Budget) -> Solution:
-                    at = times if span[1] == t1 else None
-                    return solve_stiff(
-                        system, span, np.array(start), p, tight, absolute, at, options.dense, longest, within
-                    )
-
-                if times is not None:  # the steps' own are looked at
-                    solution = ready.solve(system, p, t0, t1, start, None, spending.part(look))
-                solution = instead(solution, explicit, implicit, t1, spending)
-        else:
-            solution = explicit(spending)
-        solution.noise = noise
-        if with_respect_to is not None:
-            solution.derived = derived
-        return solution
-    if with_respect_to is not None:
-        from .paths.stiff_steps import SCIPY_METHODS
-
-        if diffuses or method in SCIPY_METHODS:
-            raise ValueError(
-                "`with_respect_to` is given for a diffusion or one of SciPy's methods, which have no derivatives; "
-                "leave `noise`, or `method`, out."
-            )
-    initial, p = np.array(start), np.array(system.parameter_values, float)
-    rtol, absolute = checks.relative_tolerance(rtol), checks.absolute_tolerance(atol, model.states)
-    max_step = checks.longest_step(max_step)
-    strict, dense = checks.flag(strict, "`strict`"), checks.flag(dense_output, "`dense_output`")
-    dense = dense or with_respect_to is not None  # derivatives go along the steps' polynomials
-    if diffuses:
-        return kicks.solve((t0, t1), initial, times, strict, spending, max_step, dense, order)
-    if order is not None or strict:
-        raise ValueError(
-            "`order` and `strict` belong to Taylor steps and the pair; leave them out for a smoothed view and with "
-            "method='stiff'."
-        )
-    if stiff:
-        from .paths.stiff_events import solve_stiff
-
-        if kicks is not None:
-            raise ValueError("`noise` is given with method='stiff', which knows none; leave `method` out.")
-        solution = solve_stiff(
-            system, (t0, t1), initial, p, min(rtol, LOOSEST), absolute, times, dense, max_step, spending
-        )
-    else:
-        from .paths.smoothed import solve_smoothed
-
-        solution = solve_smoothed(
-            system, (t0, t1), initial, p, system.parameters, method, rtol, absolute, times, dense, max_step,
-            spending, kicks,
-        )  # fmt: skip
-        if times is not None:
-            ends = [t0, *([t1] if solution.outcome is Outcome.FINISHED else solution.t[-1:])]
-            solution.course = np.array(ends), np.zeros((0, len(ends)), np.int8)
-        solution.noise = noise
-    if with_respect_to is not None:
-        solution.derived = derived
+        solution.derived = derivatives_of(call, solve)
     return solution
 
 
-for _name, _number in (("few", LOCAL_FROM), ("many", MANY), ("look", LOOK)):
+for _name, _number in (("few", LOCAL_FROM), ("many", MANY), ("look", stiffness.LOOK)):
     solve.__doc__ = (solve.__doc__ or "").replace(f"{{{_name}}}", str(_number))
+
+#: Explicit steps from event to event: what no other path takes. Where stiffness holds them short, implicit ones follow.
+EXPLICIT: tuple[Path, ...] = stiffness, event_driven
+#: In the order in which they are asked.
+PATHS: tuple[Path, ...] = functions, backward, diffusion_path, local_events, smoothed, stiff_events, *EXPLICIT
+
+
+def path_for(call: Call) -> Path:
+    """The first path that serves a call.
+
+    Raises
+    ------
+    ValueError
+        It asks its path for what that does not have.
+    """
+    model = call.system.model
+    for path in PATHS:
+        if not path.why_not(model, call):
+            return path
+    raise AssertionError("event_driven.py takes what no other path does.")
+
+
+def call_with(system: Any, options: Mapping[str, Any]) -> Call:
+    """A call with these options of `solve`, checked, of which the start and the span are still to come."""
+    return without_start(system, **{**_HOW, **options})
+
+
+def behind_the_door(system: Any, **options: Any) -> Inner:
+    """The entrance for calls that solve often: what the options say is checked once, here.
+
+    `options` are those of `solve` but `parameters` and `t_eval`.
+    """
+    return Inner(system, call_with(system, options), path_for)
+
+
+# How a run is made, apart from its start and its span: the options of `solve` with their defaults.
+_HOW = {
+    name: option.default
+    for name, option in inspect.signature(solve).parameters.items()
+    if option.kind is option.KEYWORD_ONLY and name not in ("t_eval", "parameters")
+}
 
 
 def taped_run(
     system: Any, options: Mapping[str, Any], dense: bool = False, rows: bool = False
 ) -> EventDriven | None:
     """The event-driven run that solve() would make of these options, with a tape; None for any other."""
-    model, known = system.model, {name: option.default for name, option in _OPTIONS.items()}
-    given = {name: value for name, value in {**known, **options}.items() if name in Options._fields}
-    if not options.keys() <= {*given, "max_seconds", "dense_output"}:
+    if not options.keys() <= _OF_A_TAPE or system.model.families is not None:
         return None
-    if given["method"] not in ("auto", "taylor") or model.families is not None:
+    call = call_with(system, options)
+    if path_for(call) not in EXPLICIT:
         return None
-    if model.smoothing and not model.multipliers:
-        return None
-    run = prepared_run(model, Options(**given, dense=dense, tape=True, rows=rows))
+    run = prepared_run(system.model, call.options._replace(dense=dense, tape=True, rows=rows))
     return None if run.one_step else run
 
 
-_OPTIONS = inspect.signature(solve).parameters
+_OF_A_TAPE = {
+    "method",
+    "rtol",
+    "atol",
+    "dense_output",
+    "max_step",
+    "max_steps",
+    "max_seconds",
+    "order",
+    "strict",
+}

@@ -409,6 +409,14 @@ class System(DescribedSystem):
             u._check_run(t0, self.parameters)
         return start
 
+    @property
+    def _looks_at_starts(self):
+        """Whether finite numbers may be no initial state yet: states with assumptions, drives, controls."""
+        model = self.model
+        if isinstance(model.states, Symbols) or model.functions or self._controls:
+            return True
+        return any(e.tables for e in model.events) or not all(map(checks.is_free, model.states))
+
     def _many_initial(self, x0):
         """The initial state of a family of many, as an array."""
         states = self.model.states
@@ -503,7 +511,8 @@ class System(DescribedSystem):
     def _check_values(self):
         own = not self._view or self.model.families is not None
         of = self._element if self._element and own else self._field
-        of.check_values(self.parameters)
+        if getattr(of, "bounds_values", True):  # walks along a parameter come here at every step
+            of.check_values(self.parameters)
 
     # ---- views
 
@@ -690,7 +699,8 @@ class System(DescribedSystem):
 
     def _spread(self, values, what):
         """`values` with the entries of families written out."""
-        return spread(values, self.groups, what)
+        groups = self.groups
+        return spread(values, groups, what) if groups else values
 
     def _by_switch(self, values, argument):
         """Multiplier -> positive number, from one number for all or a mapping."""

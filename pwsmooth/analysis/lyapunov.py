@@ -27,7 +27,7 @@ from ..paths.derivatives.growth import growth
 from ..paths.derivatives.tangents import Tape
 from ..results.records import Outcome
 from ..results.solution import Solution
-from ..solve import solve, taped_run
+from ..solve import behind_the_door, taped_run
 from .maps.variations import factors, has_series, without_derivative
 
 __all__ = ["LyapunovExponents", "largest_exponent", "lyapunov_exponents"]
@@ -308,10 +308,11 @@ def _along_a_tape(run, system, x, count, t, first, last) -> tuple[_Frame, float,
 
 def _by_chunks(system, options, x, count, t, first, last) -> tuple[_Frame, float, Outcome]:
     frame, outcome = _Frame(len(x), count, t), Outcome.FINISHED
+    solve = behind_the_door(system, **{**options, "dense_output": True})
     while t < last:
         # The average begins where a piece does, so that it holds whole periods if `time` does.
         end = min(t + _CHUNK, last, first if t < first else last)
-        run = solve(system, (t, end), list(map(float, x)), **{**options, "dense_output": True})
+        run = solve(system, (t, end), list(map(float, x)))
         outcome = run.outcome
         column = len(run.t) - 1
         if run.success and run.t[-1] < last:

@@ -23,7 +23,8 @@ from sympy.core.relational import GreaterThan, LessThan, StrictGreaterThan, Stri
 from sympy.logic.boolalg import BooleanAtom
 
 from ..door import calls, checks
-from ..paths.derivatives.of_solution import START_TIME, NoDerivative
+from ..paths.derivatives.of_solution import NoDerivative
+from ..paths.derivatives.quantities import START_TIME
 from .minimum import HELD, Evaluation, Minimum
 from .objective import Objective
 from .telling import telling

@@ -11,7 +11,8 @@ import sympy as sp
 from ..definition.lambdified import numpy_function
 from ..door import calls, checks
 from ..paths.budget import MOST_STEPS, opened
-from ..paths.derivatives.of_solution import quantities
+from ..paths.call import Scratch
+from ..paths.derivatives.quantities import Quantities, quantities
 from ..paths.event_driven import Checkpoint, EventDriven
 from ..solve import solve, taped_run
 from .quantities import Quantity
@@ -19,6 +20,7 @@ from .reading import Asked, Gradient, Parts, gradients, read
 
 # Bytes that the steps of a run may take; a longer one is gone through in parts, each run again on the way back.
 _MOST = 2**26
+_KEPT = 8  # objectives whose lowered form a system keeps
 _INSIDE = "at", "misfit", "largest", "smallest"  # what is looked for between the ends of steps
 
 
@@ -75,54 +77,24 @@ class Objective:
         self, system: Any, costs: Mapping[str, Any], t_span: Any, x0: Any, with_respect_to: Any, options: dict[str, Any]
     ) -> None:  # fmt: skip
         checks.system(system, "`system`")
+        kept = system._cache.setdefault("objectives", Scratch())
         system = system._written_out()
+        if "parameters" in options:
+            system = system.with_parameters(options.pop("parameters"))
         costs = {what: checks.expression(cost, what) for what, cost in costs.items()}
-        symbols = set().union(*(cost.free_symbols for cost in costs.values()))
-        found = sorted((s for s in symbols if isinstance(s, Quantity)), key=str)
-        for what, cost in costs.items():
-            strange = cost.free_symbols - set(found) - set(system.parameters)
-            if strange or not found:
-                why = (
-                    f"names {checks.listing(sorted(strange, key=str))}"
-                    if strange
-                    else "reads nothing of the run"
-                )
-                raise ValueError(
-                    f"{what} {why}; write it with quantities of a run (integral, final, at, ...) and parameters."
-                )
         self._span = checks.span(t_span)
-        integrated = [q for q in found if q.kind == "integral"]
-        integrals = {sp.Symbol(str(q), real=True): q.expression for q in integrated}
-        named = {
-            f"read {k}": q for k, q in enumerate(found) if q.expression is not None and q not in integrated
-        }
-        read = {name: q.expression for name, q in named.items()}
         wanted = quantities(system, with_respect_to)
-        self.names = wanted.names
-        self._system, self._options = system._extended(integrals, read), options
-        model = self._system.model
-        places = {p.name: i for i, p in enumerate(model.parameters)}
-        states = {s.name: i for i, s in enumerate(model.states)}
-        used = sorted(symbols - set(found), key=str)
-        arguments = (*found, *used)
-        self._asked = Asked(
-            by=wanted,
-            places=[
-                places[name] if p is not None else states.get(name)
-                for name, p in zip(wanted.names, wanted.parameters)
-            ],
-            found=found,
-            outputs={q: name for name, q in named.items()},
-            integrals={q: states[s.name] for s, q in zip(integrals, integrated)},
-            used=np.array([places[s.name] for s in used], int),
-            costs=[
-                numpy_function(arguments, sp.Tuple(cost, *(cost.diff(s) for s in arguments)), cse=True)
-                for cost in costs.values()
-            ],
-        )
-        start = system.initial_state(x0, self._span[0])
-        self._x0 = dict(zip(map(str, system.states), start)) | {s.name: 0.0 for s in integrals}
+        key = *costs.items(), wanted
+        if key not in kept:
+            if len(kept) == _KEPT:
+                kept.pop(next(iter(kept)))
+            kept[key] = _lowered(system, costs, wanted)
         values = {s.name: value for s, value in system.parameters.items()}
+        self.names, (extended, self._asked) = wanted.names, kept[key]
+        self._system, self._options = extended.with_parameters(values), options
+        start = system.initial_state(x0, self._span[0])
+        self._x0 = dict(zip(map(str, system.states), start))
+        self._x0 |= {str(q): 0.0 for q in self._asked.integrals}
         self.start = np.array(
             [
                 values[name] if p is not None else self._span[0] if state is None else self._x0[name]
@@ -222,6 +194,43 @@ class Objective:
         parameters, span, x0 = self._given(q)
         system = self._system.with_parameters(parameters)
         return _Cut(ready, system, checks.span(span), x0, self._options)
+
+
+def _lowered(system: Any, costs: Mapping[str, Any], wanted: Quantities) -> tuple[Any, Asked]:
+    """The system with what the costs read of a run, and how they read it."""
+    symbols = set().union(*(cost.free_symbols for cost in costs.values()))
+    found = sorted((s for s in symbols if isinstance(s, Quantity)), key=str)
+    for what, cost in costs.items():
+        strange = cost.free_symbols - set(found) - set(system.parameters)
+        if strange or not found:
+            why = f"names {checks.listing(sorted(strange, key=str))}" if strange else "reads nothing of the run"
+            raise ValueError(
+                f"{what} {why}; write it with quantities of a run (integral, final, at, ...) and parameters."
+            )
+    integrated = [q for q in found if q.kind == "integral"]
+    integrals = {sp.Symbol(str(q), real=True): q.expression for q in integrated}
+    named = {f"read {k}": q for k, q in enumerate(found) if q.expression is not None and q not in integrated}
+    extended = system._extended(integrals, {name: q.expression for name, q in named.items()})
+    model = extended.model
+    places = {p.name: i for i, p in enumerate(model.parameters)}
+    states = {s.name: i for i, s in enumerate(model.states)}
+    used = sorted(symbols - set(found), key=str)
+    arguments = (*found, *used)
+    return extended, Asked(
+        by=wanted,
+        places=[
+            places[name] if p is not None else states.get(name)
+            for name, p in zip(wanted.names, wanted.parameters)
+        ],
+        found=found,
+        outputs={q: name for name, q in named.items()},
+        integrals={q: states[s.name] for s, q in zip(integrals, integrated)},
+        used=np.array([places[s.name] for s in used], int),
+        costs=[
+            numpy_function(arguments, sp.Tuple(cost, *(cost.diff(s) for s in arguments)), cse=True)
+            for cost in costs.values()
+        ],
+    )
 
 
 class _Whole:

@@ -16,7 +16,8 @@ import sympy as sp
 
 from ..definition.lambdified import numpy_function
 from ..door.documenting import complete
-from ..paths.derivatives.of_solution import NoDerivative, Quantities, problems
+from ..paths.derivatives.of_solution import NoDerivative, problems
+from ..paths.derivatives.quantities import Quantities
 from ..paths.derivatives.tangents import Readings, Slopes
 from ..paths.limits import limits
 from ..results import outputs

@@ -103,6 +103,12 @@ class Field:
         own = set(self.parameters)
         return [(R, e) for R, _, e in self.contacts if e.free_symbols <= own]
 
+    @cached_property
+    def bounds_values(self):
+        """Whether `check_values` has anything to check."""
+        periods = [event.every for event in self.events if event.every is not None]
+        return bool(self._divisors or self._restitutions or periods)
+
     def check_values(self, parameters):
         """What values of parameters must satisfy beyond the assumptions of their symbols, or a ValueError."""
         # Sliders and fits come here at every move: expressions are walked through once.

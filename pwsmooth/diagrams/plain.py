@@ -192,7 +192,7 @@ def _sampled(orbit: PeriodicOrbit, times: np.ndarray) -> np.ndarray:
     if orbit.segments is None:
         order = np.argsort(times, kind="stable")
         wanted = np.unique(first + times[order])
-        run = map_.over(orbit.x, max(float(times.max()), 1e-9 * orbit.period), t_eval=wanted)
+        run = map_._over(orbit.x, max(float(times.max()), 1e-9 * orbit.period), times=wanted)
         columns = np.searchsorted(run.t, first + times).clip(max=run.x.shape[1] - 1)
         found = run.x[:, columns].T
     else:

@@ -100,7 +100,7 @@ def _on_section(cycle: Any, setting: Setting) -> Any:
     if setting.map is None:
         return cycle
     times = np.linspace(0, cycle.period, 33)
-    run = cycle.map.over(cycle.x, cycle.period, t_eval=times)
+    run = cycle.map._over(cycle.x, cycle.period, times=times)
     values = values_of(cycle.system)
     map_ = setting.at(values)
     for x in run.x.T[::8]:

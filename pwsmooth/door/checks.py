@@ -296,6 +296,12 @@ def unfit(symbol, values):
     return np.flatnonzero(wrong)
 
 
+def is_free(symbol):
+    """Whether every finite real number has the properties that the symbol is declared to have."""
+    declared = symbol._assumptions_orig.items()
+    return all(wanted if name == "real" else name not in _PREDICATES for name, wanted in declared)
+
+
 @functools.lru_cache(maxsize=4096)
 def _declared(symbol):
     """(predicate, whether it is declared to hold) of a symbol."""
@@ -683,7 +689,7 @@ def span(t_span, what="`t_span`", backward=False):
 
 
 def wanted_times(t_eval, t0, t1):
-    """`t_eval` as an increasing array inside the span, or None."""
+    """`t_eval` as an increasing array inside the span, or None; of a span that decreases in any order."""
     if t_eval is None:
         return None
     try:
@@ -696,13 +702,15 @@ def wanted_times(t_eval, t0, t1):
         )
     if not np.isfinite(times).all():
         raise ValueError(f"`t_eval` contains {times[~np.isfinite(times)][0]}; give finite times.")
+    if t0 > t1:
+        times.sort()
     back = np.flatnonzero(np.diff(times) < 0)
     if back.size:
         i = back[0]
         raise ValueError(
             f"`t_eval` decreases from {times[i].item()!r} to {times[i + 1].item()!r}; give increasing times."
         )
-    outside = times[(times < t0) | (times > t1)]
+    outside = times[(times < min(t0, t1)) | (times > max(t0, t1))]
     if outside.size:
         raise ValueError(
             f"`t_eval` contains {outside[0].item()!r}, outside of `t_span` ({t0!r}, {t1!r}); leave it out, or "

@@ -202,6 +202,19 @@ class Diffusion:
             entries.append((block, (source, own), one.element(e, 0 if member else None)))
         return [entry for entry in entries if not entry[2].is_zero]
 
+    def _prepared(self, system: Any) -> Any:
+        """What drives this system; None where the amplitude is 0.
+
+        Raises
+        ------
+        ValueError
+            What a diffusion cannot drive.
+        """
+        from .diffusion_run import DiffusionRun
+
+        run = DiffusionRun(system, self)
+        return run if run.acts else None
+
     def __str__(self) -> str:
         if isinstance(self.amplitude, sp.MatrixBase):
             shown = str(self.amplitude.tolist())

@@ -1,7 +1,7 @@
 """Running a diffusion: what is checked at the door, and one trajectory as a Solution.
 
-Chain: solve, ensemble -> **this file** -> lowering.py (symbols), kernels/noise/path.py (steps), on the Brownian
-path of kernels/noise/tree.py.
+Chain: diffusion.py, diffusion_path.py, ensemble -> **this file** -> lowering.py (symbols), kernels/noise/path.py
+(steps), on the Brownian path of kernels/noise/tree.py.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import copy
 import ctypes
 import functools
-import math
+import sys
 import warnings
 from dataclasses import replace
 from typing import Any
@@ -19,8 +19,8 @@ import sympy as sp
 
 from ..definition.families.many import carried
 from ..door import checks
-from ..paths.event_driven import EventDriven, Options
-from .diffusion import Diffusion
+from ..paths.call import Options
+from ..paths.event_driven import EventDriven
 from .lowering import NEAREST, lower, meaning, split
 
 _LONGEST_GRID = 2**31  # intervals
@@ -29,7 +29,7 @@ _LONGEST_GRID = 2**31  # intervals
 class DiffusionRun:
     """A diffusion on one view, checked and compiled: what solve() and ensemble() run."""
 
-    def __init__(self, system: Any, noise: Diffusion) -> None:
+    def __init__(self, system: Any, noise: Any) -> None:
         self.system, self.noise = system, noise
         model = system.model
         text = model.families.template.model if model.families else model
@@ -119,7 +119,7 @@ class DiffusionRun:
             warnings.warn(
                 f"the diffusion acts on the surface {surface} = 0 of {m.symbol}: at eps = 0 such a path does not "
                 f"stick{hidden}. For sticking under noise take the smoothed view, or Kicks.",
-                stacklevel=5,
+                stacklevel=_levels_to_caller(),
             )
 
     def interval(self, t: float, what: str) -> int:
@@ -132,23 +132,6 @@ class DiffusionRun:
                 f"{number * step!r}. Choose a step that divides it, such as {abs(t) / max(1, abs(number))!r}."
             )
         return number
-
-    def solve(self, t_span, start, times, strict, spending, max_step, dense_output, order):
-        """The Solution of one trajectory."""
-        if dense_output:
-            raise ValueError(
-                "`dense_output` is True, but a diffusion has no polynomials; ask for times by `t_eval`."
-            )
-        if order is not None or max_step < math.inf:
-            raise ValueError(
-                "`order` and `max_step` do not act on a diffusion; set `step`, `level` and `resolution` of it."
-            )
-        first, last = (self.interval(t, "`t_span`") for t in t_span)
-        if first == last:
-            raise ValueError(f"`t_span` is shorter than one `step` {self.noise.step:g} of the diffusion.")
-        for t in () if times is None else times:
-            self.interval(t, "an entry of `t_eval`")
-        return Path(self, int(spending.left), strict).diffuse(first, last, start, times, spending)
 
     def bundle(self, **ensemble):
         """The kernel's Diffused; the arrays of an `ensemble` are `starts`, `snapshots` and `grid`, else empty."""
@@ -181,6 +164,14 @@ class DiffusionRun:
         )
 
 
+def _levels_to_caller() -> int:
+    """How far up, as `warnings.warn` counts, the code stands that has called the package."""
+    frame, level, package = sys._getframe(1), 1, __name__.partition(".")[0]
+    while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] in (package, "functools"):
+        frame, level = frame.f_back, level + 1
+    return level
+
+
 def _steps(noise):
     return {name: getattr(noise, name) for name in ("step", "resolution", "level", "finest")}
 
@@ -201,8 +192,7 @@ class Path(EventDriven):
 
     def __init__(self, run: DiffusionRun, max_steps, strict):
         view, noise = run._view, run.noise
-        n = len(view.model.states)
-        options = Options("auto", 1e-9, np.full(n, 1e-12), False, math.inf, max_steps, None, strict)
+        options = Options(max_steps=max_steps, strict=strict)
         # Where nothing switches, none of the event-driven run's own steps is ever taken.
         super().__init__(view.model, options, series=bool(view.model.multipliers or view.model.events))
         self.owner = run

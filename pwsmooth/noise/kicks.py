@@ -109,6 +109,17 @@ class Kicks:
         object.__setattr__(self, "on", names)
         object.__setattr__(self, "size", sizes[0] if len(set(sizes)) == 1 else dict(zip(names, sizes)))
 
+    def _prepared(self, system: Any) -> KickedRun | None:
+        """What kicks this system; None where no kick has a size.
+
+        Raises
+        ------
+        ValueError
+            `on` names no state of the system, or a memory.
+        """
+        run = KickedRun(system, self)
+        return run if len(run.where) else None
+
     @property
     def sizes(self) -> tuple[float, ...]:
         """Size of every kicked state, in the order of `on`."""

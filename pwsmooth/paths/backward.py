@@ -11,10 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from ..door import checks
+from ..definition.model import Model
 from ..results import outputs
 from ..results.records import EventRecord, Outcome
 from ..results.solution import Solution
+from . import event_driven
+from .call import Call
 
 # Kinds of events that leave no trace of what came before them.
 _FORGETFUL = {
@@ -27,23 +29,51 @@ _SLIDES = {"repelling sliding": "stick", "grazing": "slip by tangency"}
 _STEEP = 1e-4
 
 
-def solve_backward(
-    system: Any, mirrored: Any, ends: frozenset[str], run: Any, span: tuple[float, float], t_eval: Any
-) -> Solution:
+def why_not(model: Model, call: Call) -> str:
+    """Where the span increases.
+
+    Raises
+    ------
+    ValueError
+        What no run backward in time has.
+    """
+    options = call.options
+    if call.span[0] < call.span[1]:
+        return "`t_span` increases"
+    several = call.noise is not None or options.dense or options.method == "stiff" or call.wanted is not None
+    if several or call.local or call.record is not None:
+        raise ValueError(
+            "`t_span` decreases: backward in time there is no `noise`, no `dense_output`, no `with_respect_to`, no "
+            "method 'stiff', no `record`, and nothing is `local`; give `t_eval` for wanted times."
+        )
+    return ""
+
+
+def run(call: Call) -> Solution:
     """The past of a state, in the order of time.
 
-    `run(mirrored, span, times)` solves the mirrored system at the wanted times, None for its own; `ends` names the
-    contacts and events that no run backward passes.
+    Raises
+    ------
+    ValueError
+        A system that has no reverse, or what no event-driven run has.
     """
+    system, span = call.system, (-call.span[0], -call.span[1])
+    mirrored, ends = system._backward()  # `ends`: names of the contacts and events that no run backward passes
+    event_driven.why_not(mirrored.model, call)
     exact = span
     if any(event.every is not None or event.at for event in mirrored.model.events):
         # Forward the instant at which a run begins is not part of it, the one at which it ends is.
         span = tuple(s - 8 * np.spacing(abs(s)) for s in span)
     shifted = list(zip(span, exact))
-    times = None if t_eval is None else np.sort(-checks.numbers(t_eval, "`t_eval`"))
+    times: Any = None if call.times is None else np.sort(-call.times)
     for s, wanted in shifted if times is not None else ():
         times[times == wanted] = s
-    whole = run(mirrored, span, None)
+
+    def forward(span: Any, times: Any) -> Solution:
+        start = mirrored.initial_state(call.start, span[0])
+        return event_driven.run(call.changed(system=mirrored, span=span, start=start, times=times))
+
+    whole = forward(span, None)
     end = where_it_ends(whole, mirrored, ends)
     at_once = end is not None and end.time <= span[0]
     if end is not None and not at_once:
@@ -51,7 +81,7 @@ def solve_backward(
         span = span[0], end.time
         times = None if times is None else np.append(times[times < end.time], end.time)
     if not at_once and (end is not None or times is not None):
-        whole = run(mirrored, span, times)
+        whole = forward(span, times)
     kept = slice(1) if at_once else slice(None)
     x, mult, status = (part[:, kept][:, ::-1] for part in (whole.x, whole.mult, whole.status))
     through = None

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import sympy as sp
 
+from ..codegen.machine.units import METHODS, trajectory_loop
 from ..definition.model import Model
 from ..door import checks
 from ..kernels import state as names
@@ -19,6 +20,7 @@ from ..results.records import Dense, EventLog, Outcome, course
 from ..results.solution import Solution
 from . import memory
 from .budget import SLICE, Budget
+from .call import Call, Options
 from .clock import instants_of_time
 from .derivatives.tangents import Tape
 from .levels import Levels
@@ -33,6 +35,7 @@ _KEPT = 16  # choices of options that a thread keeps of a model
 _MOST_ROWS = 2**27  # bytes
 _LARGE = 2**27  # bytes, above which the next buffers hold twice as many at most
 LOOSEST = 1e-6  # looser tolerances were seen to take wrong turns
+_METHODS = "auto", "taylor", *METHODS
 FINEST_OF_ONE_STEP = 1e-13  # roundings of the stages keep a method of one step from less
 
 
@@ -45,88 +48,79 @@ def _next_room(room: int, first: int, t0: float, t: float, t_end: float) -> int:
     return int(min(max(1.1, 2.0 * reached) / max(reached, 1e-3), 64.0 if room == first else 8.0) * room)
 
 
-class Options(NamedTuple):
-    """What of solve()'s options an event-driven run depends on, as given: `checked` looks at them once."""
+def why_not(model: Model, call: Call) -> str:
+    """ "" always: what no other path takes is event-driven.
 
-    method: str
-    rtol: float
-    atol: Any
-    dense: bool
-    max_step: float
-    max_steps: int
-    order: int | None
-    strict: bool
-    tape: bool = False
-    rows: bool = False  # the steps' polynomials on the tape, which are then not made again
-
-    def checked(self, model: Model) -> Options:
-        """With numbers in the place of what stands for them.
-
-        Raises
-        ------
-        ValueError, TypeError
-            An option that no event-driven run has.
-        """
-        one_step = check_method(self.method)
-        order = self.order
-        if order is not None:
-            order = checks.whole(order, "`order`", 8, 31)
-            if one_step:
-                raise ValueError(
-                    f"`order` is {order}, but method={self.method!r} has its own; leave `order` out, or use 'taylor'."
-                )
-        return Options(
-            self.method,
-            min(checks.relative_tolerance(self.rtol), LOOSEST),
-            checks.absolute_tolerance(self.atol, model.states),
-            checks.flag(self.dense, "`dense_output`"),
-            checks.longest_step(self.max_step),
-            checks.whole(self.max_steps, "`max_steps`", 1),
-            order,
-            checks.flag(self.strict, "`strict`"),
-            self.tape,
-            self.rows,
-        )
-
-
-def check_method(method: Any) -> bool:
-    """Whether this is a method of one step; refuses what no event-driven run has."""
-    from ..codegen.machine.units import METHODS
-
-    if method not in ("auto", "taylor", *METHODS):
+    Raises
+    ------
+    ValueError
+        A method that no event-driven run has, an `order` with one that has its own, a `record`.
+    """
+    method, order = call.options.method, call.options.order
+    if call.record is not None:
+        raise ValueError("`record` is given, but the run is not one of local events; leave it out.")
+    if method not in _METHODS:
         own = ", ".join(map(repr, METHODS))
         raise ValueError(
             f"`method` is {method!r}, which no event-driven run has; choose 'auto', 'taylor', {own} or 'stiff' (the "
             "others are for `system.smoothed(...)`)."
         )
-    return method in METHODS
+    if order is not None and method in METHODS:
+        raise ValueError(
+            f"`order` is {order}, but method={method!r} has its own; leave `order` out, or use 'taylor'."
+        )
+    return ""
+
+
+def run(call: Call) -> Solution:
+    """The Solution, with what its derivatives take where there will be any."""
+    kicks, system, (t0, t1) = call.random, call.system, call.span
+    if kicks is not None:
+        system = kicks.system
+    ready = _ready(system.model, call)
+    p = np.array(system.parameter_values, float)
+    return ready.solve(system, p, t0, t1, call.start, call.times, call.budget(), kicks)
+
+
+def _ready(model: Model, call: Call) -> EventDriven:
+    """What runs a call; through an inner entrance a thread finds it again."""
+    ready = getattr(call.kept, "ready", None)
+    if ready is not None and ready.model is model:
+        return ready
+    options, differentiated = call.options, call.wanted is not None
+    if options.dense or differentiated:
+        options = options._replace(tape=differentiated or model.families is None, rows=differentiated)
+    ready = prepared_run(model, options)
+    if differentiated and not ready.by_series:
+        ready = prepared_run(model, options._replace(dense=True))
+    if call.kept is not None:
+        call.kept.ready = ready
+    return ready
 
 
 def prepared_run(model: Model, options: Options) -> EventDriven:
     """This thread's EventDriven of a model with these options, made at their first use.
 
-    A short run would spend most of its time on arrays and checks that are the same in the next one.
+    A short run would spend most of its time on arrays that are the same in the next one.
     """
     kept = compiled_problem(model).kept("runs")
-    atol = options.atol
-    if isinstance(atol, np.ndarray):
-        atol = atol.dtype.str, atol.shape, atol.tobytes()
-    elif isinstance(atol, list):
-        atol = tuple(atol)
-    method, rtol, _, dense, max_step, max_steps, order, strict, tape, rows = options
-    # True is 1 to a dict, but not at the door.
-    kinds = type(dense), type(max_steps), type(strict)
-    key = method, rtol, atol, dense, max_step, max_steps, order, strict, tape, rows, kinds
-    try:
-        run = kept.get(key)
-    except TypeError:  # no hash, which tells nothing about whether it is fit
-        return EventDriven(model, options.checked(model))
+    run = kept.get(options)
     if run is None:
-        run = EventDriven(model, options.checked(model))
+        run = EventDriven(model, options)
         if len(kept) >= _KEPT:
             kept.pop(next(iter(kept)))
-        kept[key] = run
+        kept[options] = run
     return run
+
+
+class _Cells:
+    """Where the numbers of the kernel's State stand: a short run would feel each being looked up by its name."""
+
+    points, events, ambiguities, pieces, taped, steps, jets, layers, samples = (
+        names.State.members[name].at
+        for name in ("points", "events", "ambiguities", "pieces", "taped", "steps", "jets", "layers", "samples")
+    )
+    t, unit = (names.State.members[name].at for name in ("t", "unit"))
 
 
 class _Run:
@@ -163,8 +157,6 @@ class EventDriven:
     """
 
     def __init__(self, model: Model, options: Options, series: bool = True):
-        from ..codegen.machine.units import METHODS, trajectory_loop
-
         self.model, self.dense = model, options.dense
         self.loop = trajectory_loop()
         self.parts = parts = compiled_problem(model) if series else compiled_problem(model, False)
@@ -183,8 +175,8 @@ class EventDriven:
         self.one_step = options.method if options.method in METHODS else "" if parts.has_jets else "rk"
         if self.one_step:
             checks.without_discs(model, f"steps of method {self.one_step!r}")
-        rtol = max(options.rtol, FINEST_OF_ONE_STEP) if self.one_step else options.rtol
-        atol = options.atol
+        rtol = max(min(options.rtol, LOOSEST), FINEST_OF_ONE_STEP if self.one_step else 0.0)
+        atol = options.absolute(model)
         # Their polynomials have degree 7 at most.
         self.order = 7 if self.one_step else options.order or order_for(rtol, parts.code.by_responses)
         self.tolerances = {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "order": self.order}
@@ -217,7 +209,7 @@ class EventDriven:
         """The kernel's State before its first step (kernels/sweeping makes the same one for every orbit)."""
         state = self.state
         state.block[:], state.cells[:] = self.blank
-        state.t, state.unit = t0, min(1.0, t1 - t0)
+        state.floats[_Cells.t], state.floats[_Cells.unit] = t0, min(1.0, t1 - t0)
         state.x[:] = start
         state.last[:, 0] = t0
         return state
@@ -361,14 +353,15 @@ class EventDriven:
         The kernel comes back after every slice of steps, so that Ctrl-C and the clock are heard.
         """
         bound = self.bound if control is self.control else control.scalar("max_steps").view(np.int64)
-        begun = taken = state.steps
+        number = state.cells.item
+        begun = taken = number(_Cells.steps)
         most = min(self.max_steps, begun + spending.left)
         while True:
             bound[0] = min(taken + (0 if spending.late() else SLICE), most)
             code = advance(record)
             if code != Outcome.TOO_MANY_STEPS and code != Outcome.OUT_OF_MEMORY:
                 break
-            taken = state.steps
+            taken = number(_Cells.steps)
             if code == Outcome.OUT_OF_MEMORY:
                 if (larger := more(record)) is None:
                     break
@@ -378,7 +371,7 @@ class EventDriven:
             if spending.late():
                 code = Outcome.TIME_LIMIT
                 break
-        spending.spend(state.steps - begun)
+        spending.spend(number(_Cells.steps) - begun)
         return code, record
 
     def larger(self, state: Any, t0: float, t1: float, record: Any) -> Any:
@@ -437,17 +430,19 @@ class EventDriven:
 
     def _parts(self, record: Any, state: Any) -> dict[str, np.ndarray]:
         """What the buffers hold at a state."""
-        points, events = state.points, state.events
+        number = state.cells.item
+        points, events = number(_Cells.points), number(_Cells.events)
         parts = {
             "t": record.t[:points], "x": record.x[:points], "mult": record.mult[:points],
             "status": record.status[:points], "event_t": record.event_t[:events], "event": record.event[:events],
         }  # fmt: skip
-        if ambiguities := state.ambiguities:
+        if ambiguities := number(_Cells.ambiguities):
             parts |= {name: getattr(record, name)[:ambiguities] for name in ("ambiguity_t", "ambiguity")}
         if self.tape:  # and a line for its end
-            parts |= {name: getattr(record, name)[: state.taped + 1] for name in ("tape", "tape_x")}
+            taped = number(_Cells.taped) + 1
+            parts |= {name: getattr(record, name)[:taped] for name in ("tape", "tape_x")}
         if len(record.dense_s) or self.dense:
-            pieces = state.pieces
+            pieces = number(_Cells.pieces)
             parts |= {name: getattr(record, name)[:pieces] for name in ("dense", "dense_s")}
         return parts
 
@@ -460,21 +455,22 @@ class EventDriven:
 
     def _tape(self, p: np.ndarray, control: Any, state: Any, kept: dict[str, np.ndarray]) -> Tape:
         """The run's tape, with the state at its end as its last entry."""
-        k, n, m = state.taped, len(state.x), len(state.mult)
+        k, n, m = state.cells.item(_Cells.taped), len(state.x), len(state.mult)
         entries, values = kept["tape"], kept["tape_x"]
         entries[k, 0], entries[k, 4:] = names.TAPE_END, state.status
         if self.one_step and not self.parts.singular:  # played again, a step by the pair is one by series
             steps = (entries[:, 0] == names.TAPE_STEP) & (entries[:, 1] == names.PAIR)
             solved = (entries[steps, 4:] == names.SOLVED).any(axis=1)
             entries[steps, 1] = np.where(solved, names.GENERAL, names.SLIP)
-        values[k, 0], values[k, 2 : 2 + n], values[k, 2 + n : 2 + n + m] = state.t, state.x, state.mult
+        values[k, 0], values[k, 2 : 2 + n] = state.floats[_Cells.t], state.x
+        values[k, 2 + n : 2 + n + m] = state.mult
         clock, owners = (
             (control.clock, control.clock_event) if self.clocked else (np.empty(0), np.empty(0, int))
         )
         order = order_for(control.rtol, False) if self.one_step else control.order
         dense = None if self.one_step else kept.get("dense")
         may_pair = not self.by_series
-        return Tape(self.model, p.copy(), order, control.rtol, clock, owners, entries, values, dense, may_pair)
+        return Tape(self.parts, p.copy(), order, control.rtol, clock, owners, entries, values, dense, may_pair)
 
     def finish(
         self,
@@ -506,18 +502,19 @@ class EventDriven:
         if families and families.told_beside is not None:
             once = families.told_once(events[:, 0])
             event_t, events = event_t[once], events[once]
+        number = state.cells.item
         cost = {
-            "steps": state.steps,
-            "jets": state.jets,
+            "steps": number(_Cells.steps),
+            "jets": number(_Cells.jets),
             "events": len(event_t),
-            "layers": state.layers,
+            "layers": number(_Cells.layers),
         }
         dense = self._dense(kept["dense"], kept["dense_s"], t, status) if self.dense else None
         whole, columns = None, (t, x, mult, status)
         if times is not None:
             whole = course(t, status.T)
             # What was asked for and reached, with the status of the step that holds each instant.
-            k = state.samples
+            k = number(_Cells.samples)
             asked, x_asked, mult_asked = times[:k], record.x_eval[:k], record.mult_eval[:k]
             column = np.clip(np.searchsorted(t, asked, side="right") - 1, 0, len(t) - 1)
             # At an event the side after it, as the dense output has it.

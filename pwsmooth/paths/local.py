@@ -17,7 +17,7 @@ import sympy as sp
 
 from ..definition.families.recording import Recorder
 from ..definition.families.template import LINKED, family_model
-from ..definition.model import Beside, Multiplier
+from ..definition.model import Beside, Model, Multiplier
 from ..definition.pointwise import value
 from ..kernels import state as names
 from ..kernels.local import state as local
@@ -26,11 +26,12 @@ from ..results.counting import begin
 from ..results.records import AmbiguityLog, Outcome
 from ..results.solution import Solution
 from .budget import SLICE, Budget
+from .call import Call, is_smoothed
 from .checkpoint import Saved, was_in_parts
-from .event_driven import order_for
+from .event_driven import LOOSEST, order_for
 from .levels import Levels
-from .locality import MANY, few_elements, few_of, walls
-from .parts import PARTS, beside, cut
+from .locality import LOCAL_FROM, MANY, few_elements, few_of, walls, why_global
+from .parts import PARTS, beside, cut, threads_for
 from .patches import SmallSystem
 from .problem import FEW, terms
 from .words import KINDS, ambiguities_in_words, event_words
@@ -46,22 +47,48 @@ _OWN = {"event_t", "event", "event_x", "ambiguity_t", "ambiguity", "noted", "pow
 _EMPTY = np.zeros(0, np.int64)
 
 
-def run_locally(
-    system: Any,
-    t0: float,
-    t1: float,
-    start: Any,
-    times: Any,
-    options: Any,
-    record: Recorder | None,
-    threads: int,
-    spending: Budget,
-) -> Solution:
-    """The Solution of one run, every event of which renews the elements that it reaches."""
-    given, options = options.atol, options.checked(system.model)
-    if np.ndim(given) == 0:  # of millions of states it is one number
-        options = options._replace(atol=np.broadcast_to(np.float64(given), options.atol.shape))
-    return _Run(system, options, threads).solve(t0, t1, start, times, record, spending)
+def why_not(model: Model, call: Call) -> str:
+    """Where events are those of the whole system: where neither `local` nor `record` asks for it, also of few elements.
+
+    Raises
+    ------
+    ValueError
+        Asked for where it cannot be.
+    """
+    asked = call.record is not None if call.local is None else call.local
+    if call.local is False or not (asked or model.families):
+        return "it is not asked for"
+    if not asked and sum(model.families.sizes) < (LOCAL_FROM if call.times is not None else MANY + 1):
+        return "one loop over few elements is as fast"
+    reason = _why_whole(model, call)
+    if asked and reason:
+        cause, name = ("`record` is given", "record") if call.record else ("`local` is True", "local")
+        raise ValueError(f"{cause}, but {reason}; leave `{name}` out.")
+    return reason
+
+
+def _why_whole(model: Model, call: Call) -> str:
+    """What makes a run one of the whole system; "" where it is none."""
+    whole = {
+        "a smoothed view": is_smoothed(model),
+        "`dense_output`": call.options.dense,
+        "`noise`": call.random is not None,
+        "`with_respect_to`": call.wanted is not None,
+        f"method {call.options.method!r}": call.options.method not in ("auto", "taylor"),
+    }
+    for what, so in whole.items():
+        if so:
+            return f"{what} takes the whole system"
+    return why_global(model)
+
+
+def run(call: Call) -> Solution:
+    """The Solution, every event of which renews the elements that it reaches."""
+    options = call.options._replace(rtol=min(call.options.rtol, LOOSEST))
+    spending = call.budget()
+    threads = threads_for(call.threads, spending.outer is not None)
+    runs = _Run(call.system, options, threads)
+    return runs.solve(*call.span, call.start, call.times, call.record, spending)
 
 
 class _Run:

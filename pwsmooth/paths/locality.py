@@ -14,7 +14,6 @@ from sympy.solvers.solveset import NonlinearError
 
 from ..definition.families.template import Families, family_model
 from ..definition.model import Held, Model, Select
-from ..door import checks
 from ..kernels import state as names
 from .problem import FEW, CompiledProblem, compiled_problem
 
@@ -84,37 +83,6 @@ def few_of(template: Any) -> Families:
 @functools.lru_cache(maxsize=16)
 def few_elements(template: Any) -> CompiledProblem:
     return compiled_problem(family_model(few_of(template)))
-
-
-def runs_locally(
-    model: Model, options: Any, times: Any, asked: bool | None, recorded: bool, noisy: bool, derived: bool
-) -> bool:
-    """Whether a run goes by neighbourhoods; `asked` forces it, if it can, and so does a record.
-
-    Raises
-    ------
-    ValueError
-        Asked for where it cannot be.
-    """
-    asked = (recorded or None) if asked is None else checks.flag(asked, "`local`")
-    if asked is False or (asked is None and model.families is None):
-        return False
-    small = model.families is not None and sum(model.families.sizes) < (
-        LOCAL_FROM if times is not None else MANY + 1
-    )
-    if asked is None and small:
-        return False
-    kept = "`dense_output`" if options.dense else "`noise`" if noisy else "`with_respect_to`" if derived else ""
-    if kept:
-        reason = f"{kept} is given, which takes the whole system"
-    elif options.method not in ("auto", "taylor"):
-        reason = f"method {options.method!r} steps the whole system"
-    else:
-        reason = why_global(model)
-    if asked and reason:
-        cause, name = ("`record` is given", "record") if recorded else ("`local` is True", "local")
-        raise ValueError(f"{cause}, but {reason}; leave `{name}` out.")
-    return not reason
 
 
 @functools.lru_cache(maxsize=16)

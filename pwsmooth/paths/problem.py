@@ -8,6 +8,7 @@ from __future__ import annotations
 import functools
 import threading
 from collections.abc import Set
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -36,6 +37,7 @@ class CompiledProblem:
 
     def __init__(self, model: Model, series: bool = True):
         self.model, self._scratch = model, threading.local()
+        self.tangents: dict[str, Any] = {}  # by what plays a tape of the model again (derivatives/tangents.py)
         code = self.code = compile_model(model)
         self.has_jets = series and code.has_jets
         # With families the text is that of one element, and `_numbers` writes what holds for it out.

@@ -1,21 +1,22 @@
 """The smoothed path of solve(): the stiff integrator's result as a Solution.
 
-Chain: solve -> **this file** -> stiff.py (the product's own methods, which never step over a layer) or SciPy's.
+Chain: solve -> **this file** -> stiff_steps.py (the product's own methods, which never step over a layer) or SciPy's.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from ..definition.model import Model
 from ..definition.pointwise import value
 from ..results.records import CONFLICTING_UPDATES, Ambiguity, EventRecord, Outcome, StepPolynomials, places
 from ..results.solution import Solution
-from .budget import Budget
+from .call import Call, Options, is_smoothed
 from .words import singular_cause, singular_record
 
 
@@ -39,53 +40,82 @@ class SciPyDense:
         return steps, t, self.interpolant(t.ravel()).reshape(-1, *t.shape)[list(wanted)]
 
 
-def solve_smoothed(
-    system: Any,
-    t_span: tuple[float, float],
-    start: np.ndarray,
-    p: np.ndarray,
-    values: Mapping[Any, float],
-    method: str,
-    rtol: float,
-    atol: np.ndarray,
-    times: np.ndarray | None,
-    dense_output: bool,
-    max_step: float,
-    spending: Budget,
-    kicks: Any = None,
-) -> Solution:
-    """Solve a smoothed view with checked arguments; `atol` (n,), `times` the wanted ones or None.
+def why_not(model: Model, call: Call) -> str:
+    """Where the system is no smoothed view.
 
     Raises
     ------
     ValueError
-        Unknown method, or one that the model does not allow.
+        What no run of one has.
+    """
+    if not is_smoothed(model):
+        return "the system is no smoothed view"
+    from . import stiff_steps as stiff
+
+    options, known = call.options, (*stiff.METHODS, *stiff.SCIPY_METHODS)
+    if options.method not in known:
+        raise ValueError(
+            f"`method` is {options.method!r}, which no smoothed view has; choose one of {', '.join(known)}."
+        )
+    if options.method in stiff.SCIPY_METHODS and call.wanted is not None:
+        raise ValueError(
+            "`with_respect_to` is given for one of SciPy's methods, which have no derivatives; leave `method` out."
+        )
+    if options.method in stiff.SCIPY_METHODS and call.random is not None:
+        raise ValueError(
+            f"`method` is {options.method!r}, which runs without events and so without kicks; use 'auto' with `noise`."
+        )
+    explicit_alone(options)
+    return ""
+
+
+def explicit_alone(options: Options) -> None:
+    """Refuses what implicit steps do not have."""
+    if options.order is not None or options.strict:
+        raise ValueError(
+            "`order` and `strict` belong to Taylor steps and the pair; leave them out for a smoothed view and with "
+            "method='stiff'."
+        )
+
+
+def run(call: Call) -> Solution:
+    """The Solution of a smoothed view.
+
+    Raises
+    ------
+    ValueError
+        A method that the model does not allow.
     """
     from . import stiff_steps as stiff
 
-    known = (*stiff.METHODS, *stiff.SCIPY_METHODS)
-    if method not in known:
-        raise ValueError(
-            f"`method` is {method!r}, which no smoothed view has; choose one of {', '.join(known)}."
-        )
-    rtol = min(rtol, stiff.LOOSEST_RTOL)
+    kicks, method, times, (t0, t1) = call.random, call.options.method, call.times, call.span
+    system = call.system if kicks is None else kicks.system
+    model, values = system.model, system.parameters
+    start, p = np.array(call.start), np.array(system.parameter_values, float)
+    rtol, atol = min(call.options.rtol, stiff.LOOSEST_RTOL), call.options.absolute(model)
+    dense = call.options.dense or call.wanted is not None  # derivatives go along the steps' polynomials
     tolerances = {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "method": method}
-    common = dict(rtol=rtol, atol=atol, max_step=max_step, t_eval=times)
+    common = dict(
+        method=method, rtol=rtol, atol=atol, max_step=call.options.max_step, t_eval=times, dense=dense
+    )
     if method in stiff.SCIPY_METHODS:
-        options = dict(common, method=method, dense=dense_output, spending=spending)
-        pieces = _scipy(system.model, t_span, start, p, options)
+        pieces = _scipy(model, call.span, start, p, dict(common, spending=call.budget()))
     else:
-        options = dict(common, method=method, dense=dense_output, kicks=kicks)
-        *pieces, columns = own(system.model, t_span, start, p, options, spending)
-    t, x, events, dense, outcome, cost, ambiguities = pieces
+        *pieces, columns = own(model, call.span, start, p, dict(common, kicks=kicks), call.budget())
+    t, x, events, polynomials, outcome, cost, ambiguities = pieces
 
     def solution(t, x):
         none = np.zeros((0, len(t)))
-        return Solution(system, t, x, none, none, events, dense, outcome, cost, tolerances, ambiguities, values)
+        return Solution(
+            system, t, x, none, none, events, polynomials, outcome, cost, tolerances, ambiguities, values
+        )
 
     found = solution(t, x)
-    if times is not None and method in stiff.METHODS:
-        found.whole = solution(*columns)
+    if times is not None:
+        ends = [t0, *([t1] if outcome is Outcome.FINISHED else t[-1:])]
+        found.course = np.array(ends), np.zeros((0, len(ends)), np.int8)
+        if method in stiff.METHODS:
+            found.whole = solution(*columns)
     return found
 
 

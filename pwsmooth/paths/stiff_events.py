@@ -22,7 +22,9 @@ from ..definition.model import EventSpec, Model, Select
 from ..results.records import course
 from ..results.solution import Solution
 from .budget import Budget
-from .event_driven import Options, prepared_run
+from .call import Call
+from .event_driven import LOOSEST, prepared_run
+from .smoothed import explicit_alone, of_event, own
 
 _FLAT = tuple(function for function, name in UNARY.items() if name in FLAT)
 WIDTH = sp.Float(1e-6)  # of the strip around a surface that is looked at where nothing tells its width
@@ -130,26 +132,35 @@ def _switched(model: Model, sums: tuple[sp.Expr, ...] = ()) -> Model:
     )
 
 
-def solve_stiff(
-    system: Any, t_span: tuple[float, float], start: np.ndarray, p: np.ndarray, rtol: float, atol: np.ndarray,
-    times: np.ndarray | None, dense: bool, max_step: float, spending: Budget,
-) -> Solution:  # fmt: skip
-    """The Solution of a system whose switches never slide, with checked arguments.
+def why_not(model: Model, call: Call) -> str:
+    """Where implicit steps are not asked for.
 
     Raises
     ------
     ValueError
-        As of `switched_by_events`.
+        What no run by them has.
     """
-    from .smoothed import of_event, own
+    if call.options.method != "stiff":
+        return "`method` is not 'stiff'"
+    explicit_alone(call.options)
+    if call.random is not None:
+        raise ValueError("`noise` is given with method='stiff', which knows none; leave `method` out.")
+    switched_by_events(model)
+    return ""
 
-    model = system.model
+
+def run(call: Call) -> Solution:
+    """The Solution of a system whose switches never slide."""
+    system, start, times, options = call.system, np.array(call.start), call.times, call.options
+    model, p = system.model, np.array(system.parameter_values, float)
     n, m = len(model.states), len(model.multipliers)
     view = switched_by_events(model)
+    rtol, atol = min(options.rtol, LOOSEST), options.absolute(model)
+    dense = options.dense or call.wanted is not None  # derivatives go along the steps' polynomials
     # The event-driven kernels decide the side of a start on a surface: they know all its derivatives.
-    first_step = Options("auto", rtol, tuple(atol.tolist()), False, max_step, 1, None, False)
-    begun = prepared_run(model, first_step).solve(system, p, *t_span, start, None, Budget())
-    moved = np.flatnonzero(begun.t > t_span[0])
+    first_step = options._replace(method="auto", dense=False, max_steps=1)
+    begun = prepared_run(model, first_step).solve(system, p, *call.span, start, None, Budget())
+    moved = np.flatnonzero(begun.t > call.span[0])
     if not moved.size:
         return begun  # it stopped where it began, and says why
 
@@ -160,10 +171,12 @@ def solve_stiff(
         return view.events[i].name, "crossing", f"{came:+d} to {-came:+d}"
 
     remembers = [*(-1 for _ in view.events[m:]), *range(n, n + m)]
-    options = dict(rtol=rtol, atol=np.append(atol, np.ones(m)), max_step=max_step, t_eval=times, method="auto",
-                   dense=dense, kicks=None, remembers=remembers)  # fmt: skip
+    steps = dict(
+        rtol=rtol, atol=np.append(atol, np.ones(m)), max_step=options.max_step, t_eval=times, method="auto",
+        dense=dense, kicks=None, remembers=remembers,
+    )  # fmt: skip
     both = np.append(start, begun.mult[:, moved[0]])
-    *pieces, ambiguities, columns = own(view, t_span, both, p, options, spending, words)
+    *pieces, ambiguities, columns = own(view, call.span, both, p, steps, call.budget(), words)
     t, x, events, polynomials, outcome, cost = pieces
     tolerances = {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "method": "stiff"}
 

@@ -10,14 +10,15 @@ Chain: stiff_events.py, event_driven.py -> **this file** -> solve.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+import functools
 
 import numpy as np
 
 from ..definition.model import Model
 from ..results.records import Outcome
 from ..results.solution import Solution
-from .budget import Budget
+from . import event_driven, stiff_events
+from .call import Call
 
 LOOK, _LEAST = 10_000, 1000  # steps: 15 ms of three states; fewer of more than ten, which take longer
 FEWER = 10  # an implicit step takes the time of some four explicit ones
@@ -27,6 +28,7 @@ _RARE = 20  # steps for each event: with fewer it is events that hold the steps
 _APART, _ALONG = 100, 0.25
 
 
+@functools.lru_cache(maxsize=256)
 def passes_only(model: Model) -> bool:
     """Whether the motion only passes its switches, as implicit steps need it: none slides, nothing is held."""
     families = model.families
@@ -39,27 +41,41 @@ def look_after(model: Model) -> int:
     return max(_LEAST, min(LOOK, 10 * LOOK // len(model.states)))
 
 
-def instead(
-    looked: Solution, explicit: Callable[[Budget], Solution],
-    implicit: Callable[[tuple[float, float], Budget], Solution], end: float, spending: Budget,
-) -> Solution:  # fmt: skip
-    """The Solution of a run of which `looked` has the first steps, by the steps that suit it.
+def why_not(model: Model, call: Call) -> str:
+    """Where the kind of steps is chosen already, or implicit ones cannot be."""
+    options = call.options
+    if options.method != "auto" or options.order is not None or options.strict:
+        return "its steps are chosen"
+    if call.random is not None or call.wanted is not None:
+        return "noise and derivatives go along explicit steps"
+    if not passes_only(model) or options.max_steps <= look_after(model):
+        return "it is short, or something in it holds"
+    return event_driven.why_not(model, call)
 
-    `explicit` and `implicit` begin at its start; the latter over a span, and raise ValueError where they cannot.
-    """
-    steps, begin, reached = look_after(looked.model), float(looked.t[0]), float(looked.t[-1])
+
+def run(call: Call) -> Solution:
+    """The Solution by the steps that suit it."""
+    spending, steps = call.budget(), look_after(call.system.model)
+    look = call.changed(within=spending.part(steps))
+    looked = event_driven.run(look)
+    if looked.outcome != Outcome.TOO_MANY_STEPS:
+        return looked
+    if call.times is not None:  # the steps' own are looked at
+        looked = event_driven.run(look.changed(times=None, within=spending.part(steps)))
+    whole, again = call.changed(within=spending), call.changed(within=spending.part(spending.left))
     if not _is_held(looked, steps):
-        return explicit(spending)
-    again = spending.part(spending.left)
+        return event_driven.run(whole)
     with contextlib.suppress(ValueError):  # such steps do not run this system
-        if implicit((begin, reached), spending.part(steps // FEWER)).outcome == Outcome.FINISHED:
-            found = implicit((begin, end), spending)
+        span = float(looked.t[0]), float(looked.t[-1])
+        part = call.changed(span=span, times=None, within=spending.part(steps // FEWER))
+        if stiff_events.run(part).outcome == Outcome.FINISHED:
+            found = stiff_events.run(whole)
             if found.success or found.outcome in (Outcome.TOO_MANY_STEPS, Outcome.TIME_LIMIT):
                 return found
-    found = explicit(spending)
+    found = event_driven.run(whole)
     if found.outcome == Outcome.TOO_MANY_STEPS:  # the stretch was no picture of the whole
         with contextlib.suppress(ValueError):
-            if (other := implicit((begin, end), again)).success:
+            if (other := stiff_events.run(again)).success:
                 return other
     return found
 

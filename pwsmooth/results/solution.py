@@ -179,7 +179,7 @@ class Solution(Described):
     @property
     def success(self) -> bool:
         """Whether the run did what was asked."""
-        return self.outcome.success
+        return self.outcome >= Outcome.FINISHED  # as Outcome.success, which long studies would feel
 
     @property
     def message(self) -> str:

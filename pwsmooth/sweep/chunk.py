@@ -14,6 +14,7 @@ import numpy as np
 
 from ..paths.budget import Budget, Stop, within
 from ..results.records import Outcome
+from ..solve import EXPLICIT
 from .plan import FUNCTION_FAILED, NO_RETURN, REFUSED, Plan
 from .point import solve_point
 
@@ -52,10 +53,8 @@ def _values(plan, columns, spending):
 
 
 def goes_as_ensemble(plan: Plan) -> bool:
-    """Whether the measures run in compiled code: event-driven, by explicit steps, all elements together, no noise."""
-    model, options = plan.system.model, dict(plan.options)
-    smoothed = model.smoothing and not model.multipliers
-    return not (plan.noise or smoothed or options["method"] == "stiff" or "record" in options)
+    """Whether the measures run in compiled code: explicit steps from event to event, without noise."""
+    return plan.noise is None and plan.path in EXPLICIT
 
 
 def _one_by_one(plan, columns, result, measures, outcome_known, returns, spending):

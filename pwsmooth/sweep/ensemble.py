@@ -159,8 +159,9 @@ def ensemble(
 
 def _one_by_one(system, t_span, starts, noise, count, times, max_steps, options) -> Ensemble:
     """Trajectories by solve()."""
-    from ..solve import solve
+    from ..solve import behind_the_door
 
+    solve = behind_the_door(system, max_steps=max_steps, **options)
     n = starts.shape[1]
     asked = np.empty(0) if times is None else times
     x = np.full((count, n, len(asked)), np.nan)
@@ -169,7 +170,7 @@ def _one_by_one(system, t_span, starts, noise, count, times, max_steps, options)
     for k in range(count):
         own = replace(noise, trajectory=noise.trajectory + k)
         start = starts[k if len(starts) > 1 else 0]
-        run = solve(system, t_span, start, noise=own, t_eval=wanted, max_steps=max_steps, **options)
+        run = solve(system, t_span, start, wanted, noise=own)
         # A run that stopped early ends with the state where it stopped, which was not asked for.
         same = run.t[: len(asked)] == asked[: len(run.t)]
         reached = int(np.argmin(np.append(same, False)))

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from ..paths.budget import spending
-from ..paths.event_driven import EventDriven, Options
+from ..paths.call import Options
+from ..paths.event_driven import EventDriven
 from ..results.records import Outcome
 from .measures import Itinerary
 from .plan import NO_RETURN, REFUSED, Plan
@@ -35,8 +36,8 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
     run = EventDriven(
         model,
         Options(
-            options["method"], options["rtol"], np.array(options["atol"]), bool(setting.quantities),
-            options["max_step"], options["max_steps"], options["order"], False,
+            options["method"], options["rtol"], options["atol"], bool(setting.quantities),
+            options["max_step"], options["max_steps"], options["order"],
         ),
     )  # fmt: skip
     problem = run.parts.problem(base, run.one_step)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import functools
 import hashlib
 import inspect
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -18,7 +17,6 @@ import sympy as sp
 
 from ..analysis.maps.poincare import RETURN
 from ..analysis.maps.sections import LONGEST, section_of, watching
-from ..definition.families.recording import Recorder
 from ..definition.lambdified import numpy_function
 from ..definition.model import EventSpec
 from ..door import calls, checks
@@ -26,18 +24,16 @@ from ..kernels.sweeping.state import NO_RETURN
 from ..noise.diffusion import Diffusion
 from ..noise.kicks import Kicks
 from ..paths import memory
-from ..paths.event_driven import LOOSEST, check_method
-from ..paths.locality import why_global
-from ..paths.stiff_events import switched_by_events
-from ..paths.stiff_steps import LOOSEST_RTOL
+from ..paths.call import Inner, Path, Scratch, is_smoothed
 from ..results.records import Outcome
+from ..solve import behind_the_door, call_with, path_for
 from .axes import Axes, read_axes
 from .contract import NOT_RUN, Measure, Setting, Variable, alphabet, integer, real
 from .measures import Function, Period, Points, measure_from_text
 
 # Outcomes of a point beyond those of a solve.
 REFUSED, FUNCTION_FAILED = -101, -102
-_RTOL, _ATOL = 1e-9, 1e-12  # solve's own
+_ATOL = 1e-12  # solve's own
 _PILOTS = 8  # points of which a worker holds the periods at once, at least
 
 
@@ -59,6 +55,22 @@ class Plan:
     options: tuple[tuple[str, Any], ...]  # of solve
     noise: Any = None
     longest_return: float | None = None  # to the section, the last event of the system; None without one
+
+    @property
+    def path(self) -> Path:
+        """What solve() runs a point by, without noise."""
+        return path_for(_call(self.system, dict(self.options)))
+
+    @functools.cached_property
+    def _solvers(self) -> Scratch:
+        return Scratch()
+
+    def solver(self, dense: bool) -> Inner:
+        """What runs single points, behind the door."""
+        if dense not in self._solvers:
+            options = {name: option for name, option in self.options if option is not None}
+            self._solvers[dense] = behind_the_door(self.system, dense_output=dense, **options)
+        return self._solvers[dense]
 
     @functools.cached_property
     def variables(self) -> dict[str, Variable]:
@@ -338,7 +350,7 @@ def _setting(system, measures, periods, strobed_by, units):
                 f"`measures`: Points names {lacking[0]!r}, which is no state; they are {', '.join(states)}."
             )
     kinds = {type(m).__name__ for m in measures}
-    if model.smoothing and not model.multipliers and kinds & {"Sticks", "Itinerary"}:
+    if is_smoothed(model) and kinds & {"Sticks", "Itinerary"}:
         raise ValueError(
             "a smoothed view has no sticks to count, as its switches never stand still; sweep the system itself, or "
             "measure with a function of the Solution."
@@ -359,42 +371,22 @@ def _setting(system, measures, periods, strobed_by, units):
     )  # fmt: skip
 
 
-def _record(model, record):
-    """The Recorder of every point: what it keeps is in memory, for functions of the Solution."""
-    record = checks.instance(Recorder, "Recorder(...)")(record, "`record`")
-    if record.events is not None:
-        raise ValueError(
-            f"`record` of a sweep has `events` {str(record.events)!r}, over which all points would write; leave it out."
-        )
-    if reason := why_global(model):
-        raise ValueError(f"`record` is given, but {reason}: no event is local. Leave it out.")
-    return record
+def _call(system, options):
+    """The call of a point: all elements of a family together, unless there is a record of them."""
+    return call_with(system, options if options.get("record") else {**options, "local": False})
 
 
 def _options(system, options):
-    """Checked options of solve that the compiled path needs too."""
-    model = system.model
-    smoothed = bool(model.smoothing) and not model.multipliers
-    checked = dict(options)
-    rtol = checks.relative_tolerance(checked.get("rtol", _RTOL))
-    checked["rtol"] = min(rtol, LOOSEST_RTOL if smoothed else LOOSEST)
-    atol = checked.get("atol", _ATOL)
-    checked["atol"] = tuple(checks.absolute_tolerance(atol, model.states).tolist())
-    checked["max_step"] = checks.longest_step(checked.get("max_step", math.inf))
-    checked["max_steps"] = checks.whole(checked.get("max_steps", 10_000_000), "`max_steps`", 1)
-    order = checked.pop("order", None)
-    checked["order"] = None if order is None else checks.whole(order, "`order`", 8, 31)
-    checked["method"] = checks.name(checked.get("method", "auto"), "`method`")
-    if checked.get("record") is not None:
-        checked["record"] = _record(model, checked["record"])
-    else:
-        checked.pop("record", None)
-    if smoothed and order is not None:
-        raise ValueError("`order` belongs to event-driven systems; leave it out for a smoothed view.")
-    if not smoothed and checked["method"] == "stiff":
-        switched_by_events(model)  # refuses what slides
-        if order is not None:
-            raise ValueError("`order` belongs to Taylor steps; leave it out with method='stiff'.")
-    elif not smoothed:
-        check_method(checked["method"])
+    """Options of solve for every point, as the path that runs them takes them."""
+    call = _call(system, options)
+    path_for(call)
+    checked: dict[str, Any] = {name: getattr(call.options, name) for name in (*calls.STEPS, "method")}
+    checked["atol"] = tuple(call.options.absolute(system.model).tolist())
+    if call.record is not None:
+        if call.record.events is not None:
+            raise ValueError(
+                f"`record` of a sweep has `events` {str(call.record.events)!r}, over which all points would write; "
+                "leave it out."
+            )
+        checked["record"] = call.record
     return tuple(sorted(checked.items()))

@@ -25,8 +25,6 @@ def solve_point(
     With a section the run ends with the last return of the window (`times`, if they are known), or as one does that has
     too few of them: there the window is None.
     """
-    from ..solve import solve
-
     windows = plan.windows(columns, len(next(iter(columns.values()))))
     t0, begin, end, period = (float(a[i]) for a in windows)
     values, start, noise = {}, list(plan.start), plan.noise
@@ -37,12 +35,10 @@ def solve_point(
             start[plan.setting.states.index(name)] = float(columns[name][i])
         elif kind == "noise":
             noise = replace(noise, **{name: int(columns[name][i])})
-    options = {k: v for k, v in plan.options if v is not None}
-    if noise is not None:
-        options["noise"] = noise
+    system = plan.system.with_parameters(values)
 
-    def run(until: float, **more: Any) -> Any:
-        return solve(plan.system, (t0, until), start, parameters=values, **more, **options)
+    def run(until: float, dense_output: bool = False) -> Any:
+        return plan.solver(dense_output)(system, (t0, until), start, noise=noise)
 
     if plan.longest_return is not None:
         if times is None:

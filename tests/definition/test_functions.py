@@ -1,6 +1,6 @@
 """System.from_functions: the same models in Python code and in symbols, and what it refuses.
 
-Guards: codegen/functions.py, definition/functions.py.
+Guards: codegen/functions.py, definition/functions.py, paths/functions.py.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Diffusions on families: loops over their elements, with a source of each element or one of all.
 
-Guards: noise/amplitudes.py, noise/lowering.py, noise/prepared.py.
+Guards: noise/amplitudes.py, noise/lowering.py, noise/diffusion_path.py.
 """
 
 import math

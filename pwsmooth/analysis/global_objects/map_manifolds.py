@@ -21,7 +21,7 @@ import numpy as np
 
 from ...definition.pointwise import value
 from ...results.records import Outcome
-from ...solve import solve
+from ...solve import behind_the_door
 from ..maps.poincare import Word
 from ..maps.sections import Section
 from ..orbits.fixed_points import onto_section
@@ -131,11 +131,11 @@ def forward(map_: Any) -> Apply:
 def backward(map_: Any) -> Apply:
     """The inverse of P, by a run backward in time."""
     t0, t1 = map_.start_time, map_.start_time + map_.duration
-    tight = {"rtol": 1e-12, "atol": 1e-14, **map_.options}
+    solve = behind_the_door(map_.system, **{"rtol": 1e-12, "atol": 1e-14, **map_.options})
 
     def apply(x: np.ndarray, guess: np.ndarray) -> tuple[np.ndarray, Word]:
         at = x if map_.symmetry is None else map_.symmetry @ x
-        run = solve(map_.system, (t1, t0), list(map(float, at)), **tight)
+        run = solve(map_.system, (t1, t0), list(map(float, at)))
         if run.outcome is Outcome.IRREVERSIBLE:
             raise Lost(f"the past of the next points is not unique: {run.message}")
         if run.outcome is not Outcome.FINISHED:

@@ -16,9 +16,10 @@ import numpy as np
 from ...door import calls, checks
 from ...door.documenting import complete
 from ...paths.budget import whole
+from ...paths.call import Scratch
 from ...results.records import Outcome
 from ...results.solution import Solution
-from ...solve import solve
+from ...solve import behind_the_door, solve
 
 #: (switch, kind, from and to) of every event: an itinerary in letters.
 Word = tuple[tuple[str, str, str], ...]
@@ -92,10 +93,22 @@ class _Map:
 
     system: Any
     options: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
+    _inner: Scratch = field(default_factory=Scratch, repr=False, compare=False, kw_only=True)
 
-    def _solve(self, system: Any, span: tuple[float, float], x: Any, dense: bool, **more: Any) -> Solution:
+    def _solve(
+        self, system: Any, span: tuple[float, float], x: Any, dense: bool, times: Any = None
+    ) -> Solution:
+        """A run behind the door, of the map's system or one made of it."""
+        key = id(system.model), id(self.options), dense  # these are kept along with the run
+        if key not in self._inner:
+            run = behind_the_door(system, dense_output=dense, **self._tight(system))
+            self._inner[key] = run, system.model, self.options
+        return self._inner[key][0](system, span, list(map(float, x)), times)
+
+    def _tight(self, system: Any) -> dict[str, Any]:
+        """Options of the map's runs."""
         tight = {"rtol": 1e-10} if system.model.smoothing else {"rtol": 1e-12, "atol": 1e-14}
-        return solve(system, span, list(map(float, x)), dense_output=dense, **{**tight, **self.options, **more})
+        return {**tight, **self.options}
 
     def with_parameters(self, values: Mapping[Any, float]) -> Any:
         """The same map of the system with other parameter values.
@@ -202,7 +215,13 @@ class _Map:
             Without dense output, unless asked for.
         """
         t0 = getattr(self, "start_time", 0.0)
-        return self._solve(self.system, (t0, t0 + time), x, options.pop("dense_output", False), **options)
+        chosen = {**self._tight(self.system), **options}
+        return solve(self.system, (t0, t0 + time), list(map(float, x)), **chosen)
+
+    def _over(self, x: Any, time: float, dense: bool = False, times: Any = None) -> Solution:
+        """The same behind the door."""
+        t0 = getattr(self, "start_time", 0.0)
+        return self._solve(self.system, (t0, t0 + time), x, dense, times)
 
     @checks.door(**_COUNTS)
     @whole

@@ -109,7 +109,9 @@ class Stroboscopic(_Map):
         Stroboscopic
             Of the same system.
         """
-        return replace(self, phase=phase)
+        other = copy.copy(self)  # nothing else depends on it
+        object.__setattr__(other, "phase", checks.number(phase, "`phase`"))
+        return other
 
     def solved(self, x: Any, time: float, system: Any) -> Solution:
         """The trajectory of a point from the section to a time, with dense output.
@@ -126,7 +128,8 @@ class Stroboscopic(_Map):
         Solution
             With dense output.
         """
-        return self._solve(system, (replace(self, system=system).start_time, time), x, True)
+        own = self if system is self.system else replace(self, system=system)
+        return self._solve(system, (own.start_time, time), x, True)
 
     @functools.cached_property
     def forcing_period(self) -> float:
@@ -161,7 +164,7 @@ class Stroboscopic(_Map):
         t0, n = self.start_time, len(self.system.model.states)
         strobes = t0 + self.duration * np.arange(discard + 1, discard + count + 1)
         at = self.system.initial_state(x)
-        run = self._solve(self.system, (t0, float(strobes[-1])), at, False, t_eval=strobes)
+        run = self._solve(self.system, (t0, float(strobes[-1])), at, False, strobes)
         points = np.full((count, n), np.nan)
         # A run that stops early has one more column, where it stopped.
         reached = int(np.searchsorted(strobes, run.t[-1], side="right"))

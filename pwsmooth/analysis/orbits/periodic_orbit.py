@@ -187,7 +187,7 @@ class PeriodicOrbit(Described):
             In order of time; of a return map the time of each begins anew.
         """
         if self.segments is None:
-            return (self.map.over(self.x, self.period, dense_output=dense_output),)
+            return (self.map._over(self.x, self.period, dense_output),)
         return tuple(run for _, run in self._legs(0, dense_output))
 
     def _legs(self, periods: int, dense_output: bool = False) -> Iterator[tuple[np.ndarray, Solution]]:

@@ -30,7 +30,7 @@ def not_repeated(orbit: PeriodicOrbit) -> str:
     if orbit.segments is not None:
         return _not_repeated_in_segments(orbit)
     times = map_.start_time + orbit.period * np.array([1.0, 2.0])
-    run = map_.over(x, 2 * orbit.period, t_eval=times)
+    run = map_._over(x, 2 * orbit.period, times=times)
     if len(run.t) < 2 or run.t[-1] < times[-1]:
         return f"the orbit closes after one period, but is not run through in the next: {why_stopped(run)}"
     growth = np.linalg.norm(orbit.jacobian) ** (2 if orbit.symmetric else 1)

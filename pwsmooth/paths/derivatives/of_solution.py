@@ -21,11 +21,11 @@ from ...kernels.tangent.state import CORNER, GRAZES, NO_SERIES
 from ...results import outputs
 from ..limits import limits
 from .collocation import Collocation
+from .quantities import Quantities
 from .tangents import Deviations
 
 __all__ = ["Derivatives", "EventDerivative", "NoDerivative", "Sides"]
 
-START_TIME = "t0"
 _TANGENT = 1e-9  # deviations out of a surface that are roundings
 # Ambiguities that leave the motion what it is beside others: of several attractors the one near by is taken there, too;
 # of forces that are not unique the sum is.
@@ -123,53 +123,6 @@ class Sides(NamedTuple):
     above: np.ndarray | None
 
 
-class Quantities(NamedTuple):
-    """What is differentiated by: columns of parameters, of initial values, and that of the start time."""
-
-    names: tuple[str, ...]
-    parameters: tuple[sp.Symbol | None, ...]  # of each its parameter, if it is one
-    states: tuple[int | None, ...]  # of each the state whose initial value it is
-    start_time: int | None
-
-
-def quantities(system: Any, wanted: Any) -> Quantities:
-    """The quantities of a model that these names stand for.
-
-    Raises
-    ------
-    ValueError
-        A name that is none, or twice.
-    """
-    what = "`with_respect_to`"
-    found = [getattr(name := checks.named(item), "name", name) for item in checks.several(wanted, what)]
-    return _quantities(system.model, tuple(system.parameters), tuple(found))
-
-
-@functools.lru_cache(maxsize=256)
-def _quantities(model: Model, owned: tuple[sp.Symbol, ...], found: tuple[Any, ...]) -> Quantities:
-    what, parameters = "`with_respect_to`", {s.name: s for s in owned}
-    states = {s.name: i for i, s in enumerate(model.states)}
-    cells = {s for event in model.events if event.tables for s, _ in event.update}
-    for name in found:
-        if name == START_TIME or name in parameters:
-            continue
-        if name not in states:
-            known = ", ".join((*parameters, *states, START_TIME))
-            raise ValueError(
-                f"{what} names {checks.shown(name)}, which has no derivative here: give parameters, states or memories "
-                f"(their initial values) or {START_TIME!r}, of {known}. The time of an Event, a restitution, a level "
-                "of a switch is one if it is written as a parameter."
-            )
-        if model.states[states[name]] in cells:
-            raise ValueError(f"{what} names {name!r}, which counts the cells of a drive: it has no derivative.")
-    if len(set(found)) < len(found):
-        raise ValueError(f"{what} names something twice: {', '.join(found)}.")
-    of_parameters = tuple(parameters.get(name) for name in found)
-    of_states = tuple(None if p is not None else states.get(name) for name, p in zip(found, of_parameters))
-    start = found.index(START_TIME) if START_TIME in found and START_TIME not in parameters else None
-    return Quantities(found, of_parameters, of_states, start)
-
-
 def problems(
     solution: Any, marked: Sequence[tuple[int, int, float]], off: Mapping[str, float]
 ) -> list[NoDerivative]:
@@ -201,6 +154,17 @@ def problems(
         )
         found.append(NoDerivative(float(solution.t[0]), "", reason))
     return sorted(found, key=lambda problem: problem.t)
+
+
+def derivatives_of(call: Any, solve: Callable[..., Any]) -> Callable[[Any], Any]:
+    """What makes the Derivatives of the Solution of a call, of which there are such by `call.wanted`."""
+    o = call.options
+    same = dict(
+        method=o.method, rtol=o.rtol, atol=o.atol, max_step=o.max_step, max_steps=o.max_steps, order=o.order,
+        noise=call.noise,
+    )  # fmt: skip
+    beside = functools.partial(run_beside, solve, call.system, call.span, call.start, same, call.wanted)
+    return functools.partial(Derivatives, wanted=call.wanted, again=beside, kept={})
 
 
 def run_beside(

@@ -21,7 +21,7 @@ from ...kernels import state as names
 from ...kernels.step.tables import STAGES
 from ...kernels.tangent.state import NO_SERIES, UNKNOWN, ZEROS, Flow, Tangent
 from ..clock import slopes_of_instants
-from ..problem import compiled_problem, terms
+from ..problem import CompiledProblem, terms
 from .linearised import rates
 
 _PLACES = 64  # wanted times on one way that are looked at together
@@ -103,14 +103,14 @@ class _FlowOf:
 class CompiledTangents:
     """The programs with Jacobians of a model, and the arrays that describe them."""
 
-    def __init__(self, model: Model, what: str):
+    def __init__(self, problem: CompiledProblem, what: str):
         """What the programs do along steps: see Compiled.tangent()."""
-        self.model = model
+        self.model = model = problem.model
         self.told = {"given": int(what != "jets"), "lanes": LANES.get(what, 0)}
         code = self.code = compile_model(model)
         n, m, count = code.n, code.m, code.np
-        slides = compiled_problem(model).fixed["jet_general"] != 0
-        fold = self.fold = compile_model(fold_model(model)) if compiled_problem(model).fold else None
+        slides = problem.fixed["jet_general"] != 0
+        fold = self.fold = compile_model(fold_model(model)) if problem.fold else None
         programs = {name: code.tangent(what, name) for name in ("slip", "general") if name == "slip" or slides}
         programs["fold"] = fold.tangent("jets", "general") if fold else None
         top = max(p.constants["NROWS"] for p in programs.values() if p)
@@ -181,17 +181,11 @@ class CompiledTangents:
         return made, made.cells.copy()
 
 
-@functools.lru_cache(maxsize=64)
-def compiled_tangents(model: Model, what: str) -> CompiledTangents:
-    """The programs of a model; the last ones are kept."""
-    return CompiledTangents(model, what)
-
-
 @dataclass(frozen=True, eq=False)
 class Tape:
     """What the loop has written of a run (step/recording.py), and what it ran with."""
 
-    model: Model
+    compiled: CompiledProblem
     p: np.ndarray
     order: int
     rtol: float
@@ -202,9 +196,18 @@ class Tape:
     dense: np.ndarray | None = None  # (steps, n + m + 1, order + 1) where the run has kept its polynomials
     may_pair: bool = True  # whether steps can be taken by the pair
 
+    @property
+    def model(self) -> Model:
+        """That of the run."""
+        return self.compiled.model
+
     def programs(self, given: str) -> CompiledTangents:
         """What plays it again: if the run has kept its polynomials, those on these."""
-        return compiled_tangents(self.model, "jets" if self.dense is None else given)
+        what = "jets" if self.dense is None else given
+        found = self.compiled.tangents.get(what)
+        if found is None:
+            found = self.compiled.tangents[what] = CompiledTangents(self.compiled, what)
+        return found
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
@@ -308,7 +311,7 @@ class Tape:
             first = np.abs(self.values[0, 2 : 2 + n])
             tangent.scale[:k] = np.maximum(np.abs(self.p) @ (seeds != 0), first @ (start != 0))
             tangent.instant = self.instant_size
-            stopped = loop(compiled_problem(self.model).problem(self.p), tangent, len(self.entries))
+            stopped = loop(self.compiled.problem(self.p), tangent, len(self.entries))
             found, end = tangent.instants, tangent.w[:, :k].copy()
             samples, off = tangent.samples, tangent.off[:k].copy()
         return Deviations(
@@ -347,7 +350,7 @@ class Tape:
             tangent.slope[:] = cost.end
             tangent.backward, tangent.bad = 1, -1
             tangent.cost, tangent.cost_events = len(cost.times), len(cost.entries)
-            stopped = loop(compiled_problem(self.model).problem(self.p), tangent, len(self.entries))
+            stopped = loop(self.compiled.problem(self.p), tangent, len(self.entries))
             bad, why, cause = tangent.bad, tangent.bad_why, tangent.bad_cause
             by_start, by_parameters = tangent.slope.copy(), tangent.slope_q[:, 0].copy()
             off = tangent.off[: n + count].copy()

@@ -134,7 +134,7 @@ def clearances(orbit: PeriodicOrbit) -> list[tuple[str, int, float]]:
     hidden = {str(mu.symbol) for mu in model.multipliers if mu.hidden and not not_held(model, str(mu.symbol))}
     if not (one_state(model) or hidden) or not isinstance(orbit.map, Stroboscopic):
         return []
-    run = orbit.map.over(orbit.x, orbit.time)
+    run = orbit.map._over(orbit.x, orbit.time)
     p, found, counts = np.array(orbit.system.parameter_values, float), [], {}  # type: ignore[var-annotated]
     names = [str(mu.symbol) for mu in model.multipliers]
     for e in run.events:
