@@ -308,14 +308,12 @@ def fields(b: Browser, shots: Path | None) -> None:
         now = tab.evaluate("explorer.of('mechanism').reach")
         expect(now[1] - now[0] < 3.1 * (size[1] - size[0]), f"the mechanism stays a speck: {now}")
         # What is computed by a button says so.
-        expect(
-            tab.inner_text(".basins .empty") in ("Compute basins", "Computing ..."),
-            "an empty card without a word",
-        )
+        empty = "((key, text) => (e => !e.hidden && e.textContent === text)(document.querySelector(`.${key} .empty`)))"
+        tab.evaluate("(v => { v.halt(); v.job = v.next = null; v.draw(); })(explorer.of('basins'))")
+        expect(tab.evaluate(f"{empty}('basins', 'Compute basins')"), "an empty card has no button")
     with served("friction_oscillator", "--law", "Dahl") as (url, _), b.tab(url) as tab:
         expect(tab.evaluate("explorer.orbit.header.ok"), "a stiff law stops")
-        wait(tab, "document.querySelector('.diagram .empty').textContent === 'Computing ...'", 30,
-             "the diagram is empty without a word")  # fmt: skip
+        wait(tab, f"{empty}('diagram', 'Computing ...')", 30, "the diagram is empty without a word")
         wait(tab, "document.querySelector('.diagram .empty').hidden", 120, "no column of a stiff law")
         if shots:
             tab.screenshot(path=shots / "dahl.desktop.png", full_page=True)

@@ -120,7 +120,7 @@ def explore(
     noise: Any = None,
     show: bool = True,
 ) -> Any:
-    """Open a page on which the system answers while a slider moves; Ctrl-C ends it.
+    """Open a page on which the system answers while a slider moves; Ctrl-C ends it, or `.close()` in a notebook.
 
     Parameters
     ----------
@@ -198,20 +198,32 @@ def need_websockets() -> None:
 def serve(
     explorer: Explorer, port: int = 0, browser: bool = True, say: Any = print, fragment: str = ""
 ) -> None:
-    """Serve the explorer's page until Ctrl-C."""
+    """Serve the explorer's page until Ctrl-C; where an event loop runs already, beside it until `explorer.close()`."""
     need_websockets()
     from .server import Server
 
     server = explorer._server = Server(explorer.subject, port)
     server.fragment = fragment
 
-    def told() -> None:
-        say(f"{explorer.subject.name}: {server.url}\nCtrl-C ends it.")
+    def told(ends: str = "Ctrl-C") -> None:
+        say(f"{explorer.subject.name}: {server.url}\n{ends} ends it.")
         if browser:
             webbrowser.open(server.url)
 
+    if _in_a_loop():  # a notebook without the widget, which must not wait for Ctrl-C
+        server.start()
+        return told("`.close()`")
     asyncio.run(server.serve(told))
     explorer._ended()
+
+
+def _in_a_loop() -> bool:
+    """Whether an event loop runs this code, as that of a notebook does."""
+    try:
+        asyncio.get_running_loop()
+    except RuntimeError:
+        return False
+    return True
 
 
 def listing() -> str:

@@ -3,6 +3,7 @@
 Guards: explore/, results/layers.py.
 """
 
+import asyncio
 import base64
 import http.client
 import importlib.resources
@@ -886,6 +887,19 @@ def test_a_script_is_run_again_for_what_it_defines_and_must_guard_its_page(tmp_p
     for way in ("-c", "input"):  # where there is no file to run
         _, trouble = page_of(tmp_path, SCRIPT.format(OWN, "", noise), way).communicate(timeout=60)
         assert "ValueError" in trouble and "define it in a module" in trouble
+
+
+def test_where_an_event_loop_runs_the_page_is_served_beside_it(monkeypatch, capsys):
+    opened = []
+    monkeypatch.setattr(opening.webbrowser, "open", opened.append)
+    system = System({x: y, y: -x})
+
+    async def cell():
+        return opening.explore(system, {x: 1, y: 0}, t_span=(0, 1))
+
+    explorer = asyncio.run(cell())
+    assert opened == [explorer.open()] and opened[0] in capsys.readouterr().out
+    explorer.close()
 
 
 def test_a_fault_at_one_state_does_not_end_what_answers_the_others(oscillator, monkeypatch, capsys):
