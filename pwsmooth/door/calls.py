@@ -71,7 +71,8 @@ def _folded(name: str) -> str:
 
 def hint(name: Any, known: Iterable[Any]) -> str:
     """A last sentence, " Did you mean 'x'?"; empty where no known name is near."""
-    near = closest(str(name), map(str, known))
+    asked = getattr(name, "name", name)  # of a Symbol
+    near = closest(asked, map(str, known)) if isinstance(asked, str) else ""
     return f" Did you mean {near!r}?" if near else ""
 
 
