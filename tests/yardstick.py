@@ -48,8 +48,7 @@ def cases():
     import numpy as np
     import sympy as sp
 
-    from pwsmooth import Diffusion, Event, Kicks, Memory, Switch, System, Unilateral, solve, sweep
-    from pwsmooth.analysis.orbits.finding import find_orbit
+    from pwsmooth import Diffusion, Event, Kicks, Memory, Switch, System, Unilateral, find_orbit, solve, sweep
     from pwsmooth.compare.work_precision.cases import CASES
     from pwsmooth.laws import contact, friction
     from pwsmooth.scenes import block_on_belt, falling_ball, impact_oscillator, prescribed_motion

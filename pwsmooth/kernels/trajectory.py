@@ -205,7 +205,25 @@ def propose(P, C, S, R, W):
     S.jets += 1
     S.steps += 1
     step.start, step.time_row, step.fold, step.toward, step.stop = S.t, -1, -1, 0, next_stop(C, S)
-    span, h, singular = time_size(S), math.nan, False
+    step.singular = step.arcs = step.unsure = 0
+    h, code = _begin_step(P, C, S, W)  # an onset, a jet, or the pair
+    if code == GO_ON:
+        h, code = _reach_folds(P, C, S, W, h)  # arcs, which pass them; singular surfaces
+    if code == GO_ON and P.discs != 0 and step.kind != START and not math.isnan(h):
+        h, code = _near_rest(P, C, S, R, W, h)  # discs that come to rest, or are stiff beside it
+    if code == GO_ON:
+        h, code = _end_in_time(P, C, S, R, W, h)  # the end of the span, an instant of a clock
+    if code == GO_ON and step.held and step.time_row < 0 and begins_to_part(P, C, S, W, h):
+        return AGAIN
+    step.length = h
+    return code
+
+
+@loop_kernel
+def _begin_step(P, C, S, W):
+    """Polynomials from the present state, and how far they hold: a disc's first slip, a jet, or the pair's; a code."""
+    step = W.step
+    span, h = time_size(S), math.nan
     from_rest = P.discs != 0 and _begins_to_slip(P, S)
     if from_rest:
         W.onset.least = 0.0
@@ -214,74 +232,98 @@ def propose(P, C, S, R, W):
             P.onset_unit, P, C, S, W, min(max(S.step, 1e-3 * span), min(C.max_step, step.stop - S.t))
         )
         if not h > 0.0:
-            return Outcome.STEP_UNDERFLOW
+            return h, Outcome.STEP_UNDERFLOW
     elif P.pair == 0:
         h = propose_jet(P, C, S, W)
-        singular = step.mult_row < 0
-        if singular and P.jet_fold == 0 and P.step_unit == 0:
-            return Outcome.SINGULAR
+        step.singular = int(step.mult_row < 0)
+        if step.singular and P.jet_fold == 0 and P.step_unit == 0:
+            return h, Outcome.SINGULAR
     if P.step_unit != 0 and not from_rest and not h > max(1e-9 * S.step, 1e-13 * span):
         # No Taylor series from here, or one of rounding size: a power that vanishes at an event, such as delta^1.5 at
         # touch-down.
         h = propose_pair(P, C, S, W)
-        if singular and not h > 0.0:
-            return Outcome.SINGULAR
-        singular = False
+        if step.singular and not h > 0.0:
+            return h, Outcome.SINGULAR
+        step.singular = 0
+    return h, GO_ON
+
+
+@loop_kernel
+def _reach_folds(P, C, S, W, h):
+    """The length where arcs follow the roots of g past their folds, and where a singular surface is near; a code."""
+    step = W.step
     arcs = step.sliding != 0 and P.jet_fold != 0 and step.kind != PAIR and step.kind != START
     if math.isnan(h):
         if not arcs:
-            return Outcome.NOT_FINITE
+            return h, Outcome.NOT_FINITE
         h = 0.0  # a start within rounding of a fold: the series in t have no finite coefficients
-    unsure = 0 if step.kind == PAIR or step.kind == START else P.look_general if step.sliding else P.look_slip
-    if h < _ROUNDING * span:
+    if step.kind != PAIR and step.kind != START:
+        step.unsure = P.look_general if step.sliding else P.look_slip
+    if h < _ROUNDING * time_size(S):
         to_surface = reach_singular_surface(P, C, S, W, h)
         if to_surface != h:
-            h, unsure = to_surface, 0  # linear
+            h, step.unsure = to_surface, 0  # linear
     if arcs:
-        h = propose_arc(P, C, S, W, h, singular)
+        h = propose_arc(P, C, S, W, h, step.singular != 0)
         if h == -1.0:
-            return Outcome.SINGULAR
+            return h, Outcome.SINGULAR
         if math.isnan(h):
-            return Outcome.NOT_FINITE
-    if P.discs != 0 and step.kind != START and not math.isnan(h):
-        h, at_rest = come_to_rest_in_disc(P, C, S, R, W, h)
-        if at_rest >= 0:
-            W.meeting.tau[:] = NO_ROOT
-            W.meeting.tau[at_rest] = 0.0
-            code = _settle_again(P, C, S, R, W)
-            return AGAIN if code == GO_ON else code
-        stiff, longest = is_stiff(P, S, W, h)
-        if stiff and step.time_row < 0 and step.kind != PAIR:
-            W.onset.least = WORTH * h
-            longer = call_onset(P.onset_unit, P, C, S, W, min(longest, min(C.max_step, step.stop - S.t)))
-            if longer > WORTH * h:
-                h, unsure = longer, 0
-            else:
-                h, W.onset.wait = min(h, propose_jet(P, C, S, W)), PATIENCE
-    step.singular, step.unsure = int(singular), unsure
+            return h, Outcome.NOT_FINITE
     step.arcs = int(arcs or (step.sliding != 0 and _pair_meets_folds(P)))
-    if unsure:
+    return h, GO_ON
+
+
+@loop_kernel
+def _near_rest(P, C, S, R, W, h):
+    """The length where a disc comes to rest on the step, or turns fast beside its rest; a code."""
+    step = W.step
+    h, at_rest = come_to_rest_in_disc(P, C, S, R, W, h)
+    if at_rest >= 0:
+        W.meeting.tau[:] = NO_ROOT
+        W.meeting.tau[at_rest] = 0.0
+        code = _settle_again(P, C, S, R, W)
+        return h, AGAIN if code == GO_ON else code
+    stiff, longest = is_stiff(P, S, W, h)
+    if stiff and step.time_row < 0 and step.kind != PAIR:
+        W.onset.least = WORTH * h
+        longer = call_onset(P.onset_unit, P, C, S, W, min(longest, min(C.max_step, step.stop - S.t)))
+        if longer > WORTH * h:
+            h, step.unsure = longer, 0
+        else:
+            h, W.onset.wait = min(h, propose_jet(P, C, S, W)), PATIENCE
+    return h, GO_ON
+
+
+@loop_kernel
+def _end_in_time(P, C, S, R, W, h):
+    """The length within sight of all surfaces and up to the next known instant, W.end.stopped where it ends there."""
+    step = W.step
+    if step.unsure:
         h = keep_in_sight(P, C, h if step.time_row >= 0 else min(h, step.stop - S.t), W)
     W.end.stopped = 0
-    if step.time_row < 0:
-        if step.kind != PAIR and step.kind != START and SHORTEST_AGAIN * h <= S.step <= h and after_event(P, S):
-            h = S.step
-        left = step.stop - S.t
-        if h >= left:
-            h = left
-            W.end.stopped = 1
-        elif h <= 1e-15 * abs(S.t) + 1e-300:
-            # Within rounding of a fold: an arc on the root that does not attract, the pair on the one that does.
-            by_pair = step.sliding != 0 and _pair_meets_folds(P)
-            if not arcs and not by_pair:
-                return Outcome.STEP_UNDERFLOW
-            _remember_multipliers(P, S, W)
-            code = _leave_by_a_fold(P, C, S, R, W, by_pair)
-            return AGAIN if code == GO_ON else Outcome.STEP_UNDERFLOW if code == Outcome.SINGULAR else code
-    if step.held and step.time_row < 0 and begins_to_part(P, C, S, W, h):
-        return AGAIN
-    step.length = h
-    return GO_ON
+    if step.time_row >= 0:
+        return h, GO_ON
+    if step.kind != PAIR and step.kind != START and SHORTEST_AGAIN * h <= S.step <= h and after_event(P, S):
+        h = S.step
+    left = step.stop - S.t
+    if h >= left:
+        W.end.stopped = 1
+        return left, GO_ON
+    if h <= 1e-15 * abs(S.t) + 1e-300:
+        return h, _leave_within_rounding(P, C, S, R, W)
+    return h, GO_ON
+
+
+@kernel
+def _leave_within_rounding(P, C, S, R, W):
+    """What a step of rounding size means: a fold, left by an arc or by the pair, or a singular motion; a code."""
+    # An arc follows the root that does not attract, the pair the one that does.
+    by_pair = W.step.sliding != 0 and _pair_meets_folds(P)
+    if W.step.arcs == 0:
+        return Outcome.STEP_UNDERFLOW
+    _remember_multipliers(P, S, W)
+    code = _leave_by_a_fold(P, C, S, R, W, by_pair)
+    return AGAIN if code == GO_ON else Outcome.STEP_UNDERFLOW if code == Outcome.SINGULAR else code
 
 
 @kernel
