@@ -13,6 +13,7 @@ from sphinx.errors import ExtensionError
 from sphinx.util import logging
 
 logger = logging.getLogger(__name__)
+_SCRIPT = re.compile(r"\]\(((?:\.\./)*)((?:tutorials|howto|gallery)/[\w/]+)\.py\)")
 _TEST = re.compile(r"^- `(\w+\.py)::test_(\w+)`$", re.MULTILINE)
 
 
@@ -42,6 +43,11 @@ def name_tests(app, name, content):
         content[0] = _TEST.sub(lambda m: f"- {plain(m[2].replace('_', ' '))} (`{m[1]}`)", content[0])
 
 
+def lead_to_pages(app, name, content):
+    """Links to a script, which hold where these files are read as they are, lead to the page made of it."""
+    content[0] = _SCRIPT.sub(r"](\1auto/\2)", content[0])
+
+
 def look_at_galleries(app):
     """Warns of a script of a gallery that left no picture: its page would be words, and its thumbnail a blank."""
     for gallery in app.config.sphinx_gallery_conf["examples_dirs"]:
@@ -57,4 +63,5 @@ def setup(app):
     app.connect("builder-inited", generate, priority=100)
     app.connect("builder-inited", look_at_galleries, priority=900)
     app.connect("source-read", name_tests)
+    app.connect("source-read", lead_to_pages)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -150,6 +150,14 @@ def test_code_in_a_docstring_is_set_as_code(page):
     assert shown.count("`") == shown.count("\\`")  # would end the cell of a table
 
 
+@pytest.mark.parametrize("path", sorted(DOCS.rglob("*.md")), ids=lambda path: path.stem)
+def test_links_of_a_page_lead_to_files_where_it_is_read_as_it_is(path):
+    if not {"auto", "_build", "jupyter_execute"} & set(path.relative_to(DOCS).parts):
+        links = re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", path.read_text(encoding="utf-8"))
+        files = [link for link in links if "://" not in link and not link.startswith("auto/")]
+        assert [link for link in files if not (path.parent / link).is_file()] == []
+
+
 def test_the_tests_that_hold_the_event_contract_are_there():
     text = (DOCS / "event_contract.md").read_text(encoding="utf-8")
     named = re.findall(r"^- `(\w+\.py)::(\w+)`$", text, flags=re.MULTILINE)
