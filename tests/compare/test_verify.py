@@ -26,7 +26,7 @@ def test_the_exact_answer_is_met(name):
 def test_the_command_prints_the_numbers_and_succeeds():
     result = RUNNER.invoke(cli.app, ["verify", "relays", "repelling"], env={"COLUMNS": "100"})
     assert result.exit_code == 0
-    assert "start of sliding" in result.output and "7 numbers of 2 problems hold" in result.output
+    assert "start of sliding" in result.output and "2 problems: all 7 numbers agree" in result.output
 
 
 def test_the_command_lists_the_problems():
@@ -47,7 +47,7 @@ def test_a_miss_fails_the_command(monkeypatch, computed):
     monkeypatch.setattr(catalogue, "PROBLEMS", [wrong])
     result = RUNNER.invoke(cli.app, ["verify"])
     assert result.exit_code == 1
-    assert "MISS" in result.output and "1 of 1 problems missed: wrong" in result.output
+    assert "MISS" in result.output and "1 of 1 problem missed: wrong" in result.output
 
 
 def test_a_problem_that_raises_is_a_miss_and_does_not_hide_the_next(capsys):
