@@ -377,7 +377,7 @@ class Derivatives(Described):
         if name in solution.multipliers:
             return mult[solution.multipliers.index(name)]
         if model.families is not None or name not in solution._expressions:
-            raise KeyError(f"{name!r} is {solution._none_of_these}")
+            raise KeyError(f"{name!r} is {solution._none_of_these(name)}")
         expression = solution._expressions[name]
         by_parameter = [p for p in self._wanted.parameters if p is not None]
         symbols = [*model.states, *(m.symbol for m in model.multipliers), *by_parameter]
