@@ -81,8 +81,7 @@ def _called(function):
                 raise misfit from None
             raise
 
-    called.is_door = True
-    return called
+    return _marked(called)
 
 
 def _checked(function, options, tests):
@@ -97,22 +96,27 @@ def _checked(function, options, tests):
     def checked(*args, **kwargs):
         try:
             given = signature.bind(*args, **kwargs)
-        except TypeError:
-            raise calls.misfit(function, args, kwargs, known) from None
-        if known is not None and not kwargs.keys() <= known:
-            raise calls.misfit(function, args, kwargs, known)
+        except TypeError as error:
+            raise calls.misfit(function, args, kwargs, known) or error from None
+        if known is not None and (unknown := kwargs.keys() - known):
+            raise calls.misfit(function, args, kwargs, known) or TypeError(f"no such arguments: {unknown}")
         arguments = given.arguments
         for name, test in tests.items():
             if name in arguments:
                 arguments[name] = test(arguments[name], f"`{name}`")
-        if pinned and "parameters" in kwargs:
+        if pinned and spread and "parameters" in kwargs:
             values = arguments[spread].pop("parameters")
             if values is not None:
                 arguments["system"] = _with_parameters(arguments["system"], values)
         return function(*given.args, **given.kwargs)
 
-    checked.is_door, checked.tests = True, tests
-    return checked
+    return _marked(checked, tests)
+
+
+def _marked(call: Any, tests: Mapping[str, Check] | None = None) -> Any:
+    """The call, known as a door, with the tests of its arguments."""
+    call.is_door, call.tests = True, tests or {}
+    return call
 
 
 def _with_parameters(subject, values):
