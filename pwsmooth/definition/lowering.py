@@ -77,12 +77,12 @@ class Field:
 
     @cached_property
     def _divisors(self):
-        """(state, base, its symbols, whether the state is fast) of powers of parameters alone that divide a rate."""
+        """(state, base, its symbols) of the powers of parameters alone that divide a rate."""
         own, found = set(self.parameters), []
         for x, rate in zip(self.states, self.rates):
             for base, exponent in (power.args for power in rate.atoms(sp.Pow)):
                 if base.free_symbols and base.free_symbols <= own and exponent.is_negative:
-                    found.append((x, base, base.free_symbols, self._is_fast(x, base)))
+                    found.append((x, base, base.free_symbols))
         return found
 
     def _is_fast(self, x, base):
@@ -113,13 +113,13 @@ class Field:
         """What values of parameters must satisfy beyond the assumptions of their symbols, or a ValueError."""
         # Sliders and fits come here at every move: expressions are walked through once.
         zero = {p for p, number in parameters.items() if number == 0}
-        for x, base, symbols, fast in self._divisors if zero else ():
+        for x, base, symbols in self._divisors if zero else ():
             if symbols & zero and value(base, parameters) == 0:
                 named = " and ".join(f"{p.name!r} is 0" for p in sorted(symbols & zero, key=str))
                 view = f", or take the view in which it vanishes, system.layered({{{x}: sympy.oo}})"
                 raise ValueError(
                     f"`parameters`: {named}, and the rate of {x.name!r} divides by {base}; give another value"
-                    f"{view if fast else ''}."
+                    f"{view if self._is_fast(x, base) else ''}."
                 )
         for event in self.events:
             if event.every is not None and not (every := value(event.every, parameters)) > 0:
