@@ -42,7 +42,10 @@ def blow_up_in_words(solution: Any) -> str:
         i = int(np.argmax(np.where(steeper if t != t0 else fast, np.abs(end), 0.0)))
         what = f"the rate of {solution.states[i]} is {end[i]:.3g} at t = {t:.9g}"
         if t == t0:
-            return f"{what}, the start, too fast for any step: look at the parameters and the start."
+            return (
+                f"{what}, where the run begins, too fast for any step: a singularity of the motion, or one that the "
+                "parameters or the start make; look at these."
+            )
         if not steeper.any():
             return ""
     return (

@@ -220,7 +220,7 @@ def test_the_linear_contact_does_the_same_slow_work():
 
 
 def test_a_rung_that_fails_is_said_and_the_others_stand():
-    found = ladder("belt", "period", "2%", repeats=1, max_steps=20_000)
+    found = ladder("belt", "period", "2%", repeats=1, max_steps=10_000)  # too few for implicit steps to be looked at
     assert found["Dahl"].verdict == found["LuGre"].verdict == "failed" and "steps" in found["Dahl"].failure
     assert found.recommended == "Stribeck curve"
     assert "failed" in repr(found)

@@ -327,7 +327,7 @@ def test_a_motion_that_goes_to_infinity_is_said_to_whatever_the_method():
 def test_a_start_too_fast_for_any_step_says_which_rate_is():
     m = sp.Symbol("m", positive=True)
     run = solve(System({x: v, v: -x / m}, parameters={m: 1}), (0, 5), {x: 1, v: 1}, parameters={m: 1e-300})
-    assert re.search(r"the rate of v is -1e\+300 at t = 0, the start, too fast", run.message)
+    assert re.search(r"the rate of v is -1e\+300 at t = 0, where the run begins, too fast", run.message)
     assert run.t.tolist() == [0.0]
 
 

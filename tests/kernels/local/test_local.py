@@ -363,7 +363,7 @@ def test_what_takes_the_whole_system_is_named(systems):
     for name, value in {
         "dense_output": True, "with_respect_to": ["u"], "noise": Kicks(0.1, 1, on=("w_1",), seed=1),
     }.items():  # fmt: skip
-        with pytest.raises(ValueError, match=f"`local` is True, but `{name}` is given"):
+        with pytest.raises(ValueError, match=f"`local` is True, but `{name}` takes the whole system"):
             solve(system, (0, 1), start, local=True, **{name: value})
     with pytest.raises(ValueError, match="`local` is True, but method 'rk'"):
         solve(system, (0, 1), start, local=True, method="rk")

@@ -148,7 +148,7 @@ def test_scipys_solvers_kicks_and_samples_take_it():
 def test_implicit_steps_and_noise_are_of_the_whole_system():
     (system, start), (stiff, begin) = train(9), bristles(9)
     for view, x0, options in ((system.smoothed(1e-2), start, {}), (stiff, begin, {"method": "stiff"})):
-        with pytest.raises(ValueError, match="a run of the whole system; leave it out"):
+        with pytest.raises(ValueError, match="takes the whole system; leave `local` out"):
             solve(view, (0, 1), x0, local=True, **options)
 
 
