@@ -17,8 +17,8 @@ from tests.fuzz.__main__ import NAMES, OF_DERIVATIVES, fuzz
 # Structures, cases of each, step: the short command plays every `step`-th structure, the thorough one the others.
 # Nearly all of the time goes into compiling structures.
 SIZES = {
-    "affine": (6, 20, 1), "contacts": (10, 20, 3), "resets": (6, 20, 1), "hidden": (8, 25, 2), "smooth": (6, 8, 1),
-    "invariance": (6, 15, 1), "discs": (8, 4, 4), "lines": (5, 6, 2), "assemblies": (12, 1, 5), "links": (9, 1, 4),
+    "affine": (6, 20, 3), "contacts": (10, 20, 3), "resets": (6, 20, 1), "hidden": (8, 25, 2), "smooth": (6, 8, 1),
+    "invariance": (6, 15, 1), "discs": (8, 4, 8), "lines": (5, 6, 2), "assemblies": (12, 1, 5), "links": (9, 1, 4),
     "loops": (8, 10, 3), "layers": (12, 1, 5), "noises": (17, 1, 6), "slopes": (8, 20, 4), "differences": (12, 2, 5),
     "gradients": (6, 10, 2),
 }  # fmt: skip
