@@ -54,6 +54,13 @@ def fold(rho):
 # ---- against linear algebra
 
 
+def test_a_centre_is_called_neutral_and_not_stable():
+    # Eigenvalues i and -i: the linear part does not decide.
+    centre = find_equilibrium(System({x: v, v: -x - a * v}, parameters={a: 0}), {x: 0.1, v: 0})
+    assert not centre.stable and "neutral" in repr(centre)
+    assert find_equilibrium(System({x: v, v: -x - a * v}, parameters={a: 1}), {x: 0.1, v: 0}).stable
+
+
 @pytest.mark.parametrize(
     "block", [*range(3), *(pytest.param(block, marks=pytest.mark.thorough) for block in range(3, 8))]
 )

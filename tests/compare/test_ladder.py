@@ -220,7 +220,8 @@ def test_the_linear_contact_does_the_same_slow_work():
 
 
 def test_a_rung_that_fails_is_said_and_the_others_stand():
-    found = ladder("belt", "period", "2%", repeats=1, max_steps=10_000)  # too few for implicit steps to be looked at
+    # Too few steps for implicit ones to be looked at.
+    found = ladder("belt", "period", "2%", repeats=1, max_steps=10_000)
     assert found["Dahl"].verdict == found["LuGre"].verdict == "failed" and "steps" in found["Dahl"].failure
     assert found.recommended == "Stribeck curve"
     assert "failed" in repr(found)

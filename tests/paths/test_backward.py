@@ -100,7 +100,7 @@ def test_a_stick_is_not_undone():
         assert (back.outcome is Outcome.IRREVERSIBLE) == (wanted > 0)
         if wanted > 0:
             ends += 1
-            assert back.events[0].switch == "sgn(v)"
+            assert [e.switch for e in back.events if e.time == back.t[0]] == ["sgn(v)"]  # the end is told once
             assert "Here: t = " in back.message
     assert ends > 50
 
@@ -111,14 +111,14 @@ def test_an_impact_without_rebound_is_not_undone():
     back = solve(lifted, (5, 0), solve(lifted, (0, 5), {x: 1, v: 0}).x[:, -1])
     assert back.outcome is Outcome.IRREVERSIBLE
     assert back.t[0] == pytest.approx(3, abs=1e-6)
-    assert back.events[0].switch == "R"
+    assert [e.switch for e in back.events if e.time == back.t[0]] == ["R"]
 
 
 def test_a_memory_that_is_set_is_not_undone():
     latch = System({x: v, v: -x}, events=[Event(x - 0.5, direction=1, update={count: v}, name="latch")])
     back = solve(latch, (20, 0), solve(latch, (0, 20), {x: 1, v: 0}).x[:, -1])
     assert back.outcome is Outcome.IRREVERSIBLE
-    assert back.events[0].switch == "latch"
+    assert [e.switch for e in back.events if e.time == back.t[0]] == ["latch"]
     assert back.t[0] == pytest.approx(2 * math.pi * 3 - math.pi / 3, abs=1e-8)
 
 
