@@ -14,7 +14,7 @@ import sympy as sp
 
 from ..codegen.machine.units import METHODS, trajectory_loop
 from ..definition.model import Model
-from ..door import checks
+from ..door import calls, checks
 from ..kernels import state as names
 from ..results.records import Dense, EventLog, Outcome, course
 from ..results.solution import Solution
@@ -63,7 +63,7 @@ def why_not(model: Model, call: Call) -> str:
         own = ", ".join(map(repr, METHODS))
         raise ValueError(
             f"`method` is {method!r}, which no event-driven run has; choose 'auto', 'taylor', {own} or 'stiff' (the "
-            "others are for `system.smoothed(...)`)."
+            f"others are for `system.smoothed(...)`).{calls.hint(method, (*_METHODS, 'stiff'))}"
         )
     if order is not None and method in METHODS:
         raise ValueError(

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..definition.model import Model
 from ..definition.pointwise import value
+from ..door import calls
 from ..results.records import CONFLICTING_UPDATES, Ambiguity, EventRecord, Outcome, StepPolynomials, places
 from ..results.solution import Solution
 from .call import Call, Options, is_smoothed
@@ -56,6 +57,7 @@ def why_not(model: Model, call: Call) -> str:
     if options.method not in known:
         raise ValueError(
             f"`method` is {options.method!r}, which no smoothed view has; choose one of {', '.join(known)}."
+            + calls.hint(options.method, known)
         )
     if options.method in stiff.SCIPY_METHODS and call.wanted is not None:
         raise ValueError(

@@ -206,6 +206,12 @@ def test_a_method_that_an_event_driven_run_does_not_have_is_refused(method):
     refused(ValueError, f"`method` is {method!r}", "choose 'auto', 'taylor', 'rk' or 'stiff'", method=method)
 
 
+def test_a_misspelt_method_is_led_to_the_one_that_was_meant():
+    refused(ValueError, "`method` is 'taylr'", "Did you mean 'taylor'?", method="taylr")
+    with pytest.raises(ValueError, match="`method` is 'raddau5'.*Did you mean 'radau5'"):
+        solve(block().smoothed(1e-2), (0, 1), START, method="raddau5")
+
+
 @pytest.mark.parametrize("method", [None, 3, ["rk"]])
 def test_a_method_that_is_no_name_is_refused(method):
     refused(TypeError, f"`method` is {method!r}; give a string", method=method)
