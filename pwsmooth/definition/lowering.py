@@ -85,11 +85,21 @@ class Field:
                     found.append((x, base, base.free_symbols))
         return found
 
+    @cached_property
+    def _fast(self):
+        """(state, base) -> what `_is_fast` found: asked where a divisor is refused, which a slider may do often."""
+        return {}
+
     def _is_fast(self, x, base):
         """Whether a state sits inside the layer where `base`, which divides its whole rate, vanishes.
 
         Its rate has multipliers, it stands in none of their surfaces, and with them in a rate (a hidden term).
         """
+        if (x, base) not in self._fast:
+            self._fast[x, base] = self._looks_fast(x, base)
+        return self._fast[x, base]
+
+    def _looks_fast(self, x, base):
         rate = self.rates[self.states.index(x)]
         lams = {lam for lam, _ in self.switches} & rate.free_symbols
         if not base.is_Symbol or (rate * base).expand().diff(base) != 0:
