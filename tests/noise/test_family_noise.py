@@ -180,6 +180,23 @@ def test_mistakes_are_told_as_ever(amplitude, message):
         solve(system.smoothed(0.02), (0, 1), {x: 0, v: 0}, noise=Diffusion(amplitude(x, v, family), 1 / 32))
 
 
+def test_at_an_end_of_a_chain_the_noise_of_what_stands_beyond_it_acts():
+    # h = v_i - v_{i+1} varies by 2 a^2 a unit of time; at the end v_{i+1} is c v_i + w: by (1 - c)^2 a^2 + b^2.
+    a, b, c = 0.1, 0.3, sp.Symbol("c", real=True)
+    w = sp.Symbol("w", real=True)
+    with template_from(1):
+        family = Family(4)
+        (v,) = family.symbols("v")
+        rates = {v: -sp.sign(v - family.neighbour(v, 1, outside=c * v + w)), w: -w}
+        system = System(rates, parameters={c: -0.5})
+    run = DiffusionRun(system, Diffusion({v: a, w: b}, 1 / 32))
+    (variance,) = run.lowered.spreads
+    numbers = {s: run.values.get(s) for s in variance.free_symbols}
+    (beyond,) = (s for s, number in numbers.items() if number is None)
+    found = [variance.subs(numbers | {beyond: k}) for k in (0, 1)]
+    np.testing.assert_allclose(np.array(found, float), [2 * a**2, 1.5**2 * a**2 + b**2], rtol=1e-14)
+
+
 def test_buffers_of_a_large_family_grow_with_it_alone(monkeypatch):
     # What may happen at the end of one step has room of its own: with room for the points the buffers grew as n^2.
     def grow(*_):

@@ -84,6 +84,14 @@ def test_what_events_leave_behind_at_an_accumulation_is_an_ambiguity_unless_it_f
     assert found == [] if settled else found == [("events that accumulate", pytest.approx(0.5, abs=1e-13))]
 
 
+def rounding_of_limit(solution):
+    """Bound of the error of a limit that geometric intervals come to, a thousandth of the time left to it.
+
+    The last intervals, of 1e-9 and more, are known to 1e-13; at a ratio of 0.8 their limit is known ten times worse.
+    """
+    return 1e-3 * (solution.events[-1].time - solution.events[-2].time)
+
+
 HALF = sp.Rational(1, 2)
 METHODS = pytest.mark.parametrize("method", ["taylor", "rk", "stiff"])
 
@@ -107,7 +115,9 @@ def test_resets_that_accumulate_end_at_their_limit(rate, update, method):
         pytest.skip("may slide")
     system = System({x: rate, y: 1}, events=[Event(x + y / 2, update={x: -HALF, n: n + 1} | update)])
     solution = solve(system, (0, 3), {x: -1, y: 0}, method=method)
-    assert solution.outcome is Outcome.EVENTS_ACCUMULATE and solution.t[-1] == pytest.approx(1, abs=1e-8)
+    # A ratio that drifts towards 1 has no geometric limit.
+    bound = 1e-8 if rate.has(n) else rounding_of_limit(solution)
+    assert solution.outcome is Outcome.EVENTS_ACCUMULATE and solution.t[-1] == pytest.approx(1, abs=bound)
     assert solution.events[-1].kind == "accumulation" and solution.events[-1].time == solution.t[-1]
 
 
@@ -125,8 +135,8 @@ def test_a_ball_that_an_event_bounces_ends_at_the_limit_of_its_bounces(floor, dr
     assert solution.outcome is Outcome.EVENTS_ACCUMULATE
     if drag == 0:
         flights = 5 / 6 * (1 + 1 / 2) / (1 - 5 / 12) if alternate else 4
-        # Where a bounce disappears in the roundings of its surface, its length is known to their root.
-        bound = 1e-7 if floor == 0 else 1e-6
+        # Where a bounce disappears in the roundings of its surface, the stiff loop knows its length to their root.
+        bound = 1e-6 if floor != 0 and method == "stiff" else rounding_of_limit(solution)
         assert solution.t[-1] == pytest.approx(np.sqrt(2) * (1 + 2 * flights), abs=bound)
 
 
