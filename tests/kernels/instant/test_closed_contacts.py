@@ -220,6 +220,20 @@ def test_a_corner_of_two_walls_that_are_not_orthogonal(lean, end, method):
     assert (s["A"][-1], s["B"][-1]) == pytest.approx((1 - lean / 4, 0.5), abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("k", "after"),
+    [(1.25, (-0.32, 0.24)), (0.25, (0, 0)), (-0.25, (0.25, 0))],
+    ids=["along the inclined wall", "at rest", "along the floor"],
+)
+def test_after_an_impact_in_a_corner_the_velocity_is_the_nearest_that_no_wall_forbids(k, after):
+    # Moreau's projection of (-k, -1) on the cone w >= 0, 3 v + 4 w >= 0. In the first and the last case both walls
+    # together stop the point only if one of them pulls: the other pushes alone, by 31/20 (3, 4)/5 or by (0, 1).
+    A, B = Unilateral(y, name="A"), Unilateral((3 * x + 4 * y) / 5, name="B")
+    point = System({x: v, v: 3 * B.reaction / 5, y: w, w: A.reaction + 4 * B.reaction / 5})
+    s = ends(point, 2, {x: k, v: -k, y: 1, w: -1})
+    assert [s[name][-1] for name in "xyvw"] == pytest.approx([*after, *after], abs=1e-12)
+
+
 def test_two_contacts_that_say_the_same_are_one():
     A, B = floor(), Unilateral(2 * x, name="B")
     s = ends(System({x: v, v: sp.sign(t - 1) + A.reaction + B.reaction}, time=t), 2, [0.1, 0])

@@ -137,15 +137,30 @@ def test_no_sign_change_is_accepted_from_outside_the_layer(sigmoid):
         assert (before * after < 0).any()
 
 
+# From (1 + kappa*eps, -2) x dips to kappa*eps; in the layer a term of size 1 acts for a time of about sqrt(eps) on v.
+DIP = Model(t, (x, v), (y, k), (v, 2 + 300 * sp.exp(-((x / y) ** 2))), smoothing=((x, y),))
+
+
+@pytest.mark.parametrize("method", ["auto", "radau5", "radau9", "taylor"])
+def test_no_step_towards_a_layer_is_longer_than_the_way_to_it_allows(method):
+    # R2: 0.9 theta (|h| + C eps) / |dh/dt| with h = x and dh/dt = v, where |h| > C eps.
+    eps, gate = 1e-5, load_kernels("stiff.gate")
+    run = stiff.integrate(DIP, (0, 2.0), (1.0, -2.0), (eps, 0.0), rtol=1e-3, atol=1e-3, method=method)
+    h, rate = run.x[:, :-1]
+    towards = (h * rate < 0) & (np.abs(h) > gate.REACH * eps)
+    limit = 0.9 * gate.THETA * (np.abs(h) + gate.REACH * eps)[towards] / np.abs(rate)[towards]
+    length = np.diff(run.t)[towards]
+    rounding = 2 * np.spacing(run.t[-1])
+    assert len(length) > 10 and (length <= limit + rounding).all()
+
+
 def test_a_layer_that_is_touched_tangentially_is_seen_at_the_loosest_tolerance():
-    # x dips to kappa*eps; in the layer a term of size 1 acts for a time of about sqrt(eps) on v.
-    dip = Model(t, (x, v), (y, k), (v, 2 + 300 * sp.exp(-((x / y) ** 2))), smoothing=((x, y),))
     for eps in (1e-3, 1e-5, 1e-7):
         for kappa in (-1.5, 0.0, 1.0):
             start = (1 + kappa * eps, -2.0)
-            reference = end(dip, (0, 2.0), start, (eps, 0.0), rtol=1e-11, atol=1e-14)
+            reference = end(DIP, (0, 2.0), start, (eps, 0.0), rtol=1e-11, atol=1e-14)
             for method in ("auto", "radau9", "taylor"):
-                found = end(dip, (0, 2.0), start, (eps, 0.0), rtol=1e-3, atol=1e-3, method=method)
+                found = end(DIP, (0, 2.0), start, (eps, 0.0), rtol=1e-3, atol=1e-3, method=method)
                 kick = abs(reference[1] - 2.0)
                 assert np.abs(found - reference).max() < 0.02 + 0.1 * kick
 
