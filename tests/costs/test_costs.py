@@ -115,9 +115,10 @@ def test_closed_forms_of_the_ball():
     )
     assert value == pytest.approx(2.6 * fall, rel=1e-13)
     assert gradient == pytest.approx([2.6 * fall / 100, -2.6 * fall / 19.6, 2 * fall], rel=1e-12)
-    highest, slopes = ball(largest(x, 4.0, 8.0))([50, 9.8, 0.8])
-    assert highest == pytest.approx(0.64 * 50, rel=1e-13)
-    assert slopes == pytest.approx([0.64, 0.0, 2 * 0.8 * 50], rel=1e-11, abs=1e-11)
+    for sign, extreme in ((1, largest), (-1, smallest)):
+        highest, slopes = ball(extreme(sign * x, 4.0, 8.0))([50, 9.8, 0.8])
+        assert sign * highest == pytest.approx(0.64 * 50, rel=1e-13)
+        assert sign * slopes == pytest.approx([0.64, 0.0, 2 * 0.8 * 50], rel=1e-11, abs=1e-11)
 
 
 def test_an_optimum_through_the_switching():
