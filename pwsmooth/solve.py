@@ -152,6 +152,10 @@ EXPLICIT: tuple[Path, ...] = stiffness, event_driven
 PATHS: tuple[Path, ...] = functions, backward, diffusion_path, local_events, smoothed, stiff_events, *EXPLICIT
 
 
+_MOST = 256  # models and ways of running them whose path is known
+_known: dict[Any, Path] = {}
+
+
 def path_for(call: Call) -> Path:
     """The first path that serves a call.
 
@@ -161,8 +165,17 @@ def path_for(call: Call) -> Path:
         It asks its path for what that does not have.
     """
     model = call.system.model
+    key = None
+    if call.noise is None and call.wanted is None and call.record is None:
+        key = model, call.options, call.local, call.span[0] < call.span[1], call.times is None
+        if key in _known:
+            return _known[key]
     for path in PATHS:
         if not path.why_not(model, call):
+            if key is not None:
+                if len(_known) >= _MOST:
+                    _known.clear()
+                _known[key] = path
             return path
     raise AssertionError("event_driven.py takes what no other path does.")
 

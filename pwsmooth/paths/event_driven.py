@@ -72,14 +72,14 @@ def why_not(model: Model, call: Call) -> str:
     return ""
 
 
-def run(call: Call) -> Solution:
-    """The Solution, with what its derivatives take where there will be any."""
+def run(call: Call, within: Budget | None = None) -> Solution:
+    """The Solution, with what its derivatives take where there will be any; `within` is what it draws from."""
     kicks, system, (t0, t1) = call.random, call.system, call.span
     if kicks is not None:
         system = kicks.system
     ready = _ready(system.model, call)
     p = np.array(system.parameter_values, float)
-    return ready.solve(system, p, t0, t1, call.start, call.times, call.budget(), kicks)
+    return ready.solve(system, p, t0, t1, call.start, call.times, within or call.budget(), kicks)
 
 
 def _ready(model: Model, call: Call) -> EventDriven:
@@ -234,10 +234,7 @@ class EventDriven:
         if kicks is not None:
             problem = kicks.problem(problem)
         control, state = self.timed(t0, t1, system.parameters), self.begin(t0, t1, start)
-
-        def advance(record: Any) -> int:
-            return self.loop(problem, control, state, record, self.work)
-
+        advance = self.advance(problem, control, state)
         more = functools.partial(self.larger, state, t0, t1)
         code, record = self.advanced(advance, more, control, state, self.first_record(times), spending)
         if code == names.BROKEN:
@@ -326,9 +323,7 @@ class EventDriven:
             room = 4 * len(record.t)
             return self._record(room, record, self.state) if self._bytes(room) <= run.most else None
 
-        def advance(record: Any) -> int:
-            return self.loop(run.problem, run.control, self.state, record, self.work)
-
+        advance = self.advance(run.problem, run.control, self.state)
         return self.advanced(advance, more, run.control, self.state, record, spending)
 
     def _finished(self, run: _Run, code: int, record: Any) -> Solution:
@@ -346,6 +341,11 @@ class EventDriven:
             return
         state.points, state.events, state.ambiguities, state.taped, state.pieces = 1, 0, 0, 0, 0
         record.t[0], record.x[0], record.mult[0], record.status[0] = state.t, state.x, state.mult, state.status
+
+    def advance(self, problem: Any, control: Any, state: Any) -> Callable[[Any], int]:
+        """What runs on into the buffers that it is given, and says why it ended."""
+        fixed = problem.address, control.address, state.address
+        return lambda record: self.loop(*fixed, record.address, self.work.address)
 
     def advanced(self, advance: Any, more: Any, control: Any, state: Any, record: Any, spending: Budget) -> Any:
         """(code, record) of `advance(record)` at its end; full buffers go on as `more(record)`, or are the end.

@@ -188,7 +188,7 @@ def integrate(
     pieces, polynomials, events = [(np.array([t0]), run.x[None].copy())], [], []
     while True:
         before = run.t
-        status = chunk(run, _CHUNK)
+        status = chunk(run.address, _CHUNK)
         k = run.points
         pieces.append((run.times[:k].copy(), run.states[:k].copy()))
         if dense:

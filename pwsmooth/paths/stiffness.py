@@ -56,12 +56,11 @@ def why_not(model: Model, call: Call) -> str:
 def run(call: Call) -> Solution:
     """The Solution by the steps that suit it."""
     spending, steps = call.budget(), look_after(call.system.model)
-    look = call.changed(within=spending.part(steps))
-    looked = event_driven.run(look)
+    looked = event_driven.run(call, spending.part(steps))
     if looked.outcome != Outcome.TOO_MANY_STEPS:
         return looked
     if call.times is not None:  # the steps' own are looked at
-        looked = event_driven.run(look.changed(times=None, within=spending.part(steps)))
+        looked = event_driven.run(call.changed(times=None), spending.part(steps))
     whole, again = call.changed(within=spending), call.changed(within=spending.part(spending.left))
     if not _is_held(looked, steps):
         return event_driven.run(whole)

@@ -18,9 +18,9 @@ import numpy as np
 from ...door import checks
 from ...door.documenting import complete
 from ..orbits.finding import refined_to
+from ..orbits.fixed_points import SAME
 from ..orbits.itineraries import JUMP, Change, change_between, same_itinerary
 from ..orbits.periodic_orbit import PeriodicOrbit
-from ..orbits.repetition import SAME
 from .arclength import Point, Walk
 from .bracketing import zero_between
 from .conditions.captures import CAPTURE

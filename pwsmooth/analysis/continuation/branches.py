@@ -20,9 +20,9 @@ from ...paths.budget import MOST_STEPS, Budget, opened, within
 from ..equilibria.equilibrium import Equilibrium
 from ..maps.sections import Stroboscopic, depends_on_time
 from ..maps.symmetry import repeats_in
+from ..orbits.fixed_points import SAME, not_repeated
 from ..orbits.itineraries import JUMP
 from ..orbits.periodic_orbit import PeriodicOrbit, none_found
-from ..orbits.repetition import SAME, not_repeated
 from .arclength import Point, Walk, value_of
 from .bifurcations import Bifurcation, bifurcations_between, collapse_between
 from .branch import _Along

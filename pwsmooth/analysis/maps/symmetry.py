@@ -5,6 +5,7 @@ Chain: paths/derivatives/linearised.py -> **symmetry** -> sections.py (the half-
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from typing import Any
 
@@ -76,6 +77,7 @@ def symmetry_matrix(system: Any, symmetry: Mapping[Any, Any], period: float) -> 
     return G
 
 
+@functools.lru_cache(maxsize=64)
 def repeats_in(system: Any, time: float) -> bool:
     """Whether the system is the same after this time: its clocks, and at random points all that reads the time."""
     model = system.model

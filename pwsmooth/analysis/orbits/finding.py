@@ -3,7 +3,7 @@
 An orbit whose deviations grow too much to be shot over in one piece takes segments (segments.py): x is then all
 points at which these begin, P their shift map, and Newton's method the same.
 
-Chain: periodic_orbit.py, fixed_points.py, repetition.py -> **orbits** -> continuation.py.
+Chain: periodic_orbit.py, fixed_points.py -> **orbits** -> continuation.py.
 """
 
 from __future__ import annotations
@@ -20,9 +20,8 @@ from ...paths.budget import whole
 from ..maps.poincare import Image
 from ..maps.sections import LONGEST, Section, Stroboscopic, poincare_map
 from ..maps.segments import SHORT, TOO_LONG, Shooting, cut, growth, sizes
-from .fixed_points import newton, off_and_size, shot
+from .fixed_points import SAME, newton, not_repeated, off_and_size, repeats_after, shot
 from .periodic_orbit import PeriodicOrbit, none_found
-from .repetition import SAME, not_repeated, repeats_after
 
 __all__ = ["find_orbit", "refine"]
 

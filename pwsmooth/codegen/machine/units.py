@@ -107,46 +107,44 @@ def _address(name: str) -> int:
     return engine.get_function_address(f"pwsmooth.kernels.{module}.{function}")
 
 
+def _function(name: str, *arguments: type):
+    """A unit as a function of Python, of addresses and numbers, that gives a number."""
+    return ctypes.CFUNCTYPE(ctypes.c_int64, *arguments)(unit_address(name))
+
+
 @cache
 def trajectory_loop():
-    """kernels.trajectory.run as a Python function of five Bundles."""
-    prototype = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 5)
-    run = prototype(unit_address("run"))
-    return lambda P, C, S, R, W: run(P.address, C.address, S.address, R.address, W.address)
+    """kernels.trajectory.run as a Python function of the addresses of five Bundles."""
+    return _function("run", *[ctypes.c_void_p] * 5)
 
 
 @cache
 def local_loop():
     """kernels.local.loop.run as a Python function of the address of each of six Bundles, and of that of the whole."""
-    return ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 7)(unit_address("local"))
+    return _function("local", *[ctypes.c_void_p] * 7)
 
 
 @cache
 def stand_by():
     """kernels.local.parts.stand_by as a Python function of the address of an Assembly."""
-    return ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(unit_address("stand_by"))
+    return _function("stand_by", ctypes.c_void_p)
 
 
 @cache
 def tangent_replay():
-    """kernels.tangent.replay as a Python function of two Bundles and a number of entries."""
-    replay = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)(
-        unit_address("replay")
-    )
-    return lambda P, V, count: replay(P.address, V.address, count)
+    """kernels.tangent.replay as a Python function of the addresses of two Bundles and a number of entries."""
+    return _function("replay", ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
 
 
 @cache
 def tangent_growth():
-    """kernels.tangent.growth as a Python function of two Bundles."""
-    growth = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 2)(unit_address("growth"))
-    return lambda P, V: growth(P.address, V.address)
+    """kernels.tangent.growth as a Python function of the addresses of two Bundles."""
+    return _function("growth", *[ctypes.c_void_p] * 2)
 
 
 @cache
 def stiff_loop():
-    """kernels.stiff.loop.integrate as a Python function of a Core and a number of steps, and the addresses of the
-    units that it calls."""
-    loop, *others = unit_addresses(STIFF_UNITS)
-    run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(loop)
-    return lambda core, steps: run(core.address, steps), others
+    """kernels.stiff.loop.integrate as a Python function of the address of a Core and a number of steps, and the
+    addresses of the units that it calls."""
+    _, *others = unit_addresses(STIFF_UNITS)
+    return _function("stiff_run", ctypes.c_void_p, ctypes.c_int64), others

@@ -39,7 +39,7 @@ def growth(tape: Tape, frame: np.ndarray) -> Growth:
         tangent.w[:, :k] = frame
         tangent.scale[:k] = (frame != 0).T @ np.abs(tape.values[0, 2 : 2 + n])
         tangent.instant, tangent.replay = tape.instant_size, unit_address("replay")
-        stopped = loop(tape.compiled.problem(tape.p), tangent)
+        stopped = loop(tape.compiled.problem(tape.p).address, tangent.address)
         found, factors, end = tangent.instants, tangent.factors, tangent.w[:, :k].copy()
     return Growth(
         end, times[:factors], logs[:factors], instant_t[:found], why[:found],

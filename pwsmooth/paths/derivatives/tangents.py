@@ -311,7 +311,7 @@ class Tape:
             first = np.abs(self.values[0, 2 : 2 + n])
             tangent.scale[:k] = np.maximum(np.abs(self.p) @ (seeds != 0), first @ (start != 0))
             tangent.instant = self.instant_size
-            stopped = loop(self.compiled.problem(self.p), tangent, len(self.entries))
+            stopped = loop(self.compiled.problem(self.p).address, tangent.address, len(self.entries))
             found, end = tangent.instants, tangent.w[:, :k].copy()
             samples, off = tangent.samples, tangent.off[:k].copy()
         return Deviations(
@@ -350,7 +350,7 @@ class Tape:
             tangent.slope[:] = cost.end
             tangent.backward, tangent.bad = 1, -1
             tangent.cost, tangent.cost_events = len(cost.times), len(cost.entries)
-            stopped = loop(self.compiled.problem(self.p), tangent, len(self.entries))
+            stopped = loop(self.compiled.problem(self.p).address, tangent.address, len(self.entries))
             bad, why, cause = tangent.bad, tangent.bad_why, tangent.bad_cause
             by_start, by_parameters = tangent.slope.copy(), tangent.slope_q[:, 0].copy()
             off = tangent.off[: n + count].copy()
