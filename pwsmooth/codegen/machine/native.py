@@ -59,6 +59,16 @@ FLOAT_OPS = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"
 INT_OPS = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.FloorDiv: "sdiv", ast.BitAnd: "and_"}
 
 
+def _assigned(statements) -> set[str]:
+    """Names of the locals that statements assign."""
+    names: set[str] = set()
+    for node in statements:
+        targets = getattr(node, "targets", None) or [getattr(node, "target", None)]
+        names |= {target.id for target in targets if isinstance(target, ast.Name)}
+        names |= _assigned([*getattr(node, "body", ()), *getattr(node, "orelse", ())])
+    return names
+
+
 class Function:
     """Translates one function definition."""
 
@@ -68,7 +78,8 @@ class Function:
         self.module, self.function, self.flags = module, function, module.flags
         self.entry = function.append_basic_block("entry")
         self.builder = ir.IRBuilder(function.append_basic_block("body"))
-        self.locals: dict[str, ir.Value] = {}
+        self.locals: dict[str, ir.Value] = {}  # their memory
+        self.known: dict[str, ir.Value] = {}  # what they are at this point, where every way to it says the same
         self.pointers: dict[str, ir.Value] = {}
         for argument, value in zip(node.args.args, function.args, strict=True):
             if value.type.is_pointer:
@@ -89,7 +100,8 @@ class Function:
         slot = self.locals.get(name)
         if slot is None:
             slot = self.locals[name] = ir.IRBuilder(self.entry).alloca(value.type, name=name)
-        self.builder.store(self.cast(value, slot.type.pointee), slot)
+        self.known[name] = self.cast(value, slot.type.pointee)
+        self.builder.store(self.known[name], slot)
 
     def cast(self, value: ir.Value, kind: ir.Type) -> ir.Value:
         if value.type == kind:
@@ -143,13 +155,17 @@ class Function:
         then, after = (self.function.append_basic_block(name) for name in ("then", "after"))
         other = self.function.append_basic_block("else") if node.orelse else after
         self.builder.cbranch(self.expression(node.test), then, other)
+        before, ends = self.known, []
         for start, body in ((then, node.body), (other, node.orelse)):
             if not body:
                 continue
             self.builder.position_at_end(start)
+            self.known = dict(before)
             self.block(body)
             if not self.builder.block.is_terminated:
                 self.builder.branch(after)
+                ends.append(self.known)
+        self.known = {name: v for name, v in before.items() if all(end.get(name) is v for end in ends)}
         self.builder.position_at_end(after)
 
     def For(self, node):
@@ -161,6 +177,9 @@ class Function:
         counter = ir.IRBuilder(self.entry).alloca(INT)
         self.builder.store(first, counter)
         self.builder.branch(test)
+        changed = _assigned([node])
+        before = {name: v for name, v in self.known.items() if name not in changed}
+        self.known = dict(before)
         self.builder.position_at_end(test)
         value = self.builder.load(counter)
         down = isinstance(step, ir.Constant) and step.constant < 0
@@ -171,6 +190,7 @@ class Function:
         if not self.builder.block.is_terminated:
             self.builder.store(self.builder.add(self.builder.load(counter), step), counter)
             self.builder.branch(test)
+        self.known = before
         self.builder.position_at_end(after)
 
     # ---- expressions ----
@@ -184,7 +204,11 @@ class Function:
         return INT(node.value) if isinstance(node.value, int) else DOUBLE(node.value)
 
     def _Name(self, node):
-        return self.builder.load(self.locals.get(node.id) or self.module.sizes[node.id])
+        if node.id not in self.locals:
+            return self.builder.load(self.module.sizes[node.id])
+        if node.id not in self.known:
+            self.known[node.id] = self.builder.load(self.locals[node.id])
+        return self.known[node.id]
 
     def _Attribute(self, node):
         return DOUBLE({"nan": float("nan"), "inf": float("inf")}[node.attr])
