@@ -113,14 +113,17 @@ def _renew_moving(A, P, C, S, R, W, d):
     T, first = A.patch, A.queue.first[d]
     free = A.slab == 0.0 or A.alone != 0
     stop = A.t_end if free else A.slab_end
+    elsewhere = -1 - A.slabs if A.own >= 0 else 0  # marks what a part leaves to the run of all
     while A.scanned[d, 0] < A.actives[d]:
         if A.renewed >= A.due:
             return AGAIN
         i = A.active[first + A.scanned[d, 0]]
-        if A.seen[i] != A.slabs and not is_wall(A, i):
+        if A.seen[i] != A.slabs and A.seen[i] != elsewhere and not is_wall(A, i):
             begin_patch(A)
             take_in(A, i)
             take_in_cluster(A)
+            for k in range(T.count if T.beyond != 0 else 0):
+                A.seen[T.member[k]] = elsewhere
             code = renew(A, P, C, S, R, W, A.t, stop, END_OF_SLAB)
             if code == ELSEWHERE:
                 A.left[d] = 1

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from chain_models import BELT, belt, chain, start_of, train, with_templates
 
-from pwsmooth import Event, Family, Outcome, Recorder, System, solve
+from pwsmooth import Event, Family, Outcome, Recorder, Switch, System, solve
 from pwsmooth.kernels.local.state import WITHOUT_PARTS
 from pwsmooth.paths import local, parts
 from pwsmooth.paths.parts import PARTS, cut
@@ -217,6 +217,25 @@ def test_the_stamps_of_patches_begin_anew(small, runs, monkeypatch):
     monkeypatch.setattr(local, "SLICE", 100)
     same(whole, solve(system, (0, 60), start, local=True))
     assert {run[0] for run in runs} == {PARTS}
+
+
+def test_what_moves_across_the_border_is_looked_at_once_by_each_part(small, monkeypatch):
+    # Of a chain of which every block slides each block is linked with the border: one look at the start of a slab
+    # tells a part so, and not one from each of its blocks.
+    n, patches, run = 200, [], local._Run._run
+
+    def counted(self, *arguments):
+        code = run(self, *arguments)
+        patches.append(sum(part.A.patch.stamp // part.A.patch.stride for part in self.systems))
+        return code
+
+    monkeypatch.setattr(local._Run, "_run", counted)
+    row = Family(n)
+    x, v = row.symbols("x v")
+    pull = row.neighbour(x, 1) - 2 * x + row.neighbour(x, -1) - x - Switch("lam", v + 2)
+    start = {x: 0.3 * np.cos(np.arange(n)) - 1, v: 0}
+    found = solve(System({x: v, v: pull}), (0, 2), start, t_eval=[0, 2], local=True, threads=1)
+    assert found.success and not found.events and patches[0] < n
 
 
 def test_no_thread_is_left(small):
