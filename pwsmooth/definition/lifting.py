@@ -22,7 +22,7 @@ from sympy.core.relational import Relational
 
 from .discs import LiftedDisc
 from .model import Select, Whole, core
-from .pointwise import draw, fingerprint, value
+from .pointwise import factor_between, fingerprint
 from .primitives import Component, Disc, Memory, Reaction, Switch
 
 # Functions of which a kink is lifted out: their series end where it does.
@@ -64,12 +64,13 @@ class Lifting:
         self._kinks: set[Select] = set()  # selections whose branches agree on their surface
         self._written: dict[Select, sp.Expr] = {}  # ... and the notation that they come from
         self._by_surface: dict[sp.Expr, tuple[int, sp.Symbol]] = {}
-        self._by_fingerprint: dict[tuple, list[tuple[float, sp.Symbol]]] = {}
+        self._by_fingerprint: dict[tuple, list[sp.Symbol]] = {}
         self._symbols: dict[sp.Symbol, sp.Expr] = dict(stand_ins or {})  # a user's symbol -> what stands for it
         self._memo: dict[tuple, sp.Basic] = {}
         self._may_register = True
+        self._given: set[sp.Symbol] = set()
         for switch in user_switches:
-            self._symbol(switch)
+            self._given |= self._symbol(switch).free_symbols
 
     def __call__(self, expr, *, new_switches=True):
         """The lifted form of an expression or condition.
@@ -101,10 +102,15 @@ class Lifting:
         if isinstance(e, sp.Piecewise):
             return self._piecewise(e, sides)
         if isinstance(e, (sp.Max, sp.Min)):
+            found = self._of_steps(e.func, [self._lift(a, sides) for a in e.args], sides)
+            if found is not None:
+                return found
             return self._noted(self._extremum(e, sides), e)
         if isinstance(e, Select):  # already lifted by hand
             return Select(*(self._lift(a, sides) for a in e.args))
         args = [self._lift(a, sides) for a in e.args]
+        if isinstance(e, (sp.Abs, sp.Function)) and (found := self._of_steps(e.func, args, sides)) is not None:
+            return found
         if isinstance(e, sp.sign):
             return self._sign(args[0], sides)
         if isinstance(e, sp.Abs):
@@ -124,6 +130,11 @@ class Lifting:
             )
         if e.is_Mul:
             return self._product(args)
+        if e.is_Pow and args[0].is_negative and not args[1].is_integer:
+            # What sympy makes of cos(pi sign(y)): between -1 and 1 it is no power.
+            if (found := self._of_steps(e.func, args, sides)) is not None:
+                return found
+            return sp.cos(sp.pi * args[1]) * (-args[0]) ** args[1]
         if (e.is_Pow and not args[1].is_integer) or isinstance(e, _ENDING):
             return self._inside_kinks(e.func, args)
         if e.is_Pow and args[1].is_negative and self._kinks.intersection(sp.Mul.make_args(args[0])):
@@ -238,6 +249,26 @@ class Lifting:
             else:
                 result *= sp.Piecewise((1, surface > 0), (-1, surface < 0), (0, True), evaluate=False)
         return factors[0] * result
+
+    def _of_steps(self, function, args, sides):
+        """A function of what jumps between constants, with its value on each side; None for others.
+
+        Between two sides it goes straight: |Piecewise((-1, y < 0), (1, True))| is 1, and not 0 on the way. What the
+        user has given as a Switch stays, and so does another function than Abs, Max and Min where its value jumps.
+        """
+        free = set().union(*(a.free_symbols for a in args))
+        steps = sorted(free & self.switches.keys(), key=lambda s: s.name)
+        if not steps or free & (self.dynamic | self._given):
+            return None
+        lam, *_ = steps
+        ways = [sides[lam]] if lam in sides else [1, -1]
+        branches = [
+            self._lift(function(*(a.xreplace({lam: sp.Integer(s)}) for a in args)), sides | {lam: s})
+            for s in ways
+        ]
+        if len(branches) == 1 or branches[0] == branches[1]:
+            return branches[0]
+        return Select(lam, *branches) if function in (sp.Abs, sp.Max, sp.Min) else None
 
     def _noted(self, result, e):
         if isinstance(result, Select):
@@ -483,9 +514,9 @@ class Lifting:
     def _find(self, h):
         """(orientation, multiplier) of a known surface equal to h up to a constant factor, or None."""
         if h not in self._by_surface:
-            key, size = fingerprint(h, h.free_symbols - self.dynamic - self.switches.keys())
-            for known, lam in self._by_fingerprint.get(key, ()):
-                orientation = self._orientation(h, self.switches[lam], size / known)
+            key = fingerprint(h, h.free_symbols - self.dynamic - self.switches.keys())
+            for lam in self._by_fingerprint.get(key, ()):
+                orientation = self._orientation(h, self.switches[lam])
                 if orientation is not None:
                     self._by_surface[h] = (orientation, lam)
                     break
@@ -493,12 +524,9 @@ class Lifting:
                 return None
         return self._by_surface[h]
 
-    def _orientation(self, h, known, ratio):
-        symbols = h.free_symbols | known.free_symbols
-        point = {s: draw(s, 7) for s in symbols}
-        other = value(h, point) / (value(known, point) or 1)
-        if abs(other - ratio) < 1e-9 * abs(ratio):
-            return 1 if ratio > 0 else -1
+    def _orientation(self, h, known):
+        if sign := factor_between(h, known):
+            return sign
         # The factor depends on parameters: its sign has to be known for all their values. (A factor that is
         # only known to be >= 0 counts as positive: where it is 0 there is no surface.)
         factor = sp.cancel(h / known)
@@ -524,9 +552,9 @@ class Lifting:
             )
         self.switches[lam], self.notation[lam] = h, switch
         self._by_surface[h] = (1, lam)
-        key, size = fingerprint(h, h.free_symbols - self.dynamic - self.switches.keys())
+        key = fingerprint(h, h.free_symbols - self.dynamic - self.switches.keys())
         if key is not None:
-            self._by_fingerprint.setdefault(key, []).append((size, lam))
+            self._by_fingerprint.setdefault(key, []).append(lam)
         return lam
 
     def _moves(self, e):

@@ -10,8 +10,11 @@ from __future__ import annotations
 import math
 import random
 from functools import lru_cache
+from types import SimpleNamespace
 
+import mpmath
 import sympy as sp
+from sympy.core.relational import Relational
 
 from .model import Entry, Select, Whole
 
@@ -19,8 +22,19 @@ NAN = math.nan
 # A base that is negative by less than this lies on its surface up to rounding: delta**1.5 at delta = -1e-17.
 ROUNDING = 1e-12
 
-_NAMES = "sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log erf erfc gamma atan2"
-_MATH = {name: getattr(math, name) for name in _NAMES.split()}
+_NAMES = frozenset(
+    "sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log erf erfc gamma atan2".split()
+)
+_FLOATS = SimpleNamespace(
+    of=float,
+    digits=15,
+    fsum=math.fsum,
+    prod=math.prod,
+    floor=math.floor,
+    **{f: getattr(math, f) for f in _NAMES},
+)
+_DIGITS = 60  # of numbers that decide whether two expressions are one
+_NUDGES = 4  # of the Floats in them, by a rounding each
 
 
 def value(expr, point):
@@ -35,51 +49,57 @@ def value(expr, point):
     return result if math.isfinite(result) else NAN
 
 
-def _value(e, point):
+def _value(e, point, numbers=_FLOATS):
     if e.is_Symbol:
         return point[e]
     if e.is_Number or e.is_NumberSymbol:
-        return float(e)
+        return numbers.of(e)
     if e.is_Add:
-        return math.fsum(_value(a, point) for a in e.args)
+        return numbers.fsum(_value(a, point, numbers) for a in e.args)
     if e.is_Mul:
-        return math.prod(_value(a, point) for a in e.args)
+        return numbers.prod(_value(a, point, numbers) for a in e.args)
     if e.is_Pow:
-        base, exponent = (_value(a, point) for a in e.args)
+        base, exponent = (_value(a, point, numbers) for a in e.args)
         if base < 0 and exponent != int(exponent):
             if base < -ROUNDING:
                 raise ValueError("a power of a negative number")
-            base = 0.0
+            base = 0.0 * base
         return base**exponent
     if isinstance(e, Select):
-        lam = _value(e.args[0], point)
+        lam = _value(e.args[0], point, numbers)
         if lam == 1:
-            return _value(e.args[1], point)
+            return _value(e.args[1], point, numbers)
         if lam == -1:
-            return _value(e.args[2], point)
-        return ((1 + lam) * _value(e.args[1], point) + (1 - lam) * _value(e.args[2], point)) / 2
+            return _value(e.args[2], point, numbers)
+        above, below = (_value(a, point, numbers) for a in e.args[1:])
+        return ((1 + lam) * above + (1 - lam) * below) / 2
     if isinstance(e, Entry):
         return draw(sp.Symbol(str(e)), 0)
     if isinstance(e, Whole):
-        return math.floor(_value(e.args[0], point) + 0.5)
+        return numbers.floor(_value(e.args[0], point, numbers) + 0.5)
     if isinstance(e, sp.Piecewise):
-        return _value(next(branch for branch, condition in e.args if holds(condition, point)), point)
-    if e.func.__name__ in _MATH:
-        return _MATH[e.func.__name__](*(_value(a, point) for a in e.args))
-    return float(e.xreplace({s: sp.Float(point[s]) for s in e.free_symbols}).evalf())
+        branch = next(branch for branch, condition in e.args if holds(condition, point, numbers))
+        return _value(branch, point, numbers)
+    if e.func.__name__ in _NAMES:
+        return getattr(numbers, e.func.__name__)(*(_value(a, point, numbers) for a in e.args))
+    return numbers.of(
+        e.xreplace({s: sp.Float(point[s], numbers.digits) for s in e.free_symbols}).evalf(numbers.digits)
+    )
 
 
-def holds(condition, point):
+def holds(condition, point, numbers=_FLOATS):
     """The truth of a condition at a point."""
     if condition in (sp.true, sp.false):
         return bool(condition)
     if isinstance(condition, sp.And):
-        return all(holds(c, point) for c in condition.args)
+        return all(holds(c, point, numbers) for c in condition.args)
     if isinstance(condition, sp.Or):
-        return any(holds(c, point) for c in condition.args)
+        return any(holds(c, point, numbers) for c in condition.args)
     if isinstance(condition, sp.Not):
-        return not holds(condition.args[0], point)
-    left, right = (_value(a, point) for a in condition.args)
+        return not holds(condition.args[0], point, numbers)
+    if not isinstance(condition, Relational):  # ITE, Xor, Implies, ...
+        return holds(sp.to_nnf(condition, simplify=False), point, numbers)
+    left, right = (_value(a, point, numbers) for a in condition.args)
     return bool(condition.func(left, right))
 
 
@@ -96,13 +116,61 @@ def draw(symbol, k):
 
 
 def fingerprint(expr, fixed=()):
-    """A key shared by all expressions that equal this one up to a constant factor, and its value at a point.
+    """A key shared by all expressions that equal this one up to a constant factor, and by others that are near them.
 
     Symbols in `fixed` (parameters) have the same value at every point, so that they count as constants.
-    Returns (None, nan) where the expression is undefined or vanishes.
+    Returns None where the expression is undefined or vanishes.
     """
     symbols = sorted(expr.free_symbols, key=lambda s: s.name)
     values = [value(expr, {s: draw(s, 0 if s in fixed else k) for s in symbols}) for k in range(4)]
     if any(math.isnan(v) or v == 0 for v in values):
-        return None, NAN
-    return tuple(float(f"{v / values[0]:.9e}") for v in values[1:]), values[0]
+        return None
+    return tuple(float(f"{v / values[0]:.9e}") for v in values[1:])
+
+
+@lru_cache(maxsize=_NUDGES + 1)
+def _exact(nudge):
+    """Numbers of many digits, in which a Float is the decimal that it is written as; with a `nudge` one beside it."""
+    context = mpmath.MPContext()
+    context.dps = _DIGITS
+
+    def number(e):
+        if not e.is_Float:
+            return context.mpf(str(sp.N(e, _DIGITS)))
+        by = random.Random(f"{float(e)!r} {nudge}").choice((-1, 1)) if nudge else 0
+        return context.mpf(repr(float(e))) * (1 + by * context.mpf(2) ** -52)
+
+    functions = {f: getattr(context, f) for f in _NAMES}
+    return SimpleNamespace(
+        of=number, digits=_DIGITS, fsum=context.fsum, prod=context.fprod, floor=context.floor, mpf=context.mpf,
+        **functions,
+    )  # fmt: skip
+
+
+def factor_between(h, other):
+    """The sign of c if h = c other for all values of the symbols, else 0.
+
+    At random points to 60 digits, which tell a pulse of a second in Unix time. Floats may be off by their rounding.
+    """
+    symbols = h.free_symbols | other.free_symbols
+
+    def ratios(numbers):
+        at = []
+        for k in range(3, 8):
+            point = {s: numbers.mpf(draw(s, k)) for s in symbols}
+            at.append(_value(h, point, numbers) / _value(other, point, numbers))
+        return at[0], [ratio / at[0] for ratio in at[1:]]
+
+    nudges = range(1, _NUDGES + 1) if h.has(sp.Float) or other.has(sp.Float) else ()
+    try:
+        first, more = ratios(_exact(0))
+        beside = [ratios(_exact(nudge))[1] for nudge in nudges]
+    except (ValueError, OverflowError, ZeroDivisionError, TypeError, KeyError):
+        return 0
+    for k, ratio in enumerate(more):
+        within = mpmath.mpf(10) ** (-_DIGITS // 2) + 2 * max(
+            (abs(ratio - near[k]) for near in beside), default=0
+        )
+        if not abs(ratio - 1) <= within:
+            return 0
+    return 1 if first > 0 else -1

@@ -129,7 +129,7 @@ class Problem(Bundle):
     contact: "i8[:]"  # the contacts among the multipliers
     dh_row: "i8[m + ne + 1]"  # rows of the sparse gradients of the surfaces
     dh_col: "i8[:]"
-    nested: "i8[m]"  # another multiplier stands in the surface, which jumps when that one switches
+    nested: "i8[m + ne]"  # another multiplier stands in the surface, which jumps when that one switches
     surface_state: "i8[m]"  # index of the state that is the surface, or -1
     holder: "i8[n]"  # the multiplier that keeps a state at 0 while it is solved for, or -1
     direction: "i8[ne]"
@@ -164,7 +164,8 @@ class Control(Bundle):
     max_steps: "int"
     strict: "int"
     clock: "f8[:]"  # sorted instants of the time events
-    clock_event: "i8[:]"  # their events
+    clock_event: "i8[:]"  # their events, and behind these the switches that cross at known instants
+    clock_side: "i8[:]"  # of such a switch its side at the start, of others 0; empty where there is none
 
 
 class State(Bundle):

@@ -10,6 +10,7 @@ import math
 from numba import types
 
 from .fresh import restart_flags
+from .instant.accumulation import at_once_within
 from .instant.contacts import jams, stop_closed
 from .instant.discs import release_discs
 from .instant.dry_friction import begins_to_part
@@ -52,7 +53,7 @@ from .state import (
 from .step.arc import end_of_arc, propose_arc
 from .step.finer import follow_as_asked
 from .step.looking import shorten_to_fit
-from .step.meeting import find_first, first_graze, touched_at_the_end
+from .step.meeting import find_first, first_graze, leave_surfaces, touched_at_the_end
 from .step.recording import (
     has_room,
     keep_dense,
@@ -407,6 +408,10 @@ def find_end(P, C, S, R, W):
     if happened and step.kind == PAIR and h > 1e-11 * time_size(S):
         length = refine_by_pair(P, C, S, W, length)
         fraction = 0.5  # its powers are to be made
+    if happened and step.time_row < 0 and S.ticks < len(C.clock):
+        left = C.clock[S.ticks] - step.start
+        if 0.0 < left - length <= at_once_within(C.clock[S.ticks], h):
+            length, fraction = left, 0.5  # what is met and the clock are at one instant
     end.touched = LEFT if folded else 0
     if step.arcs and step.time_row < 0:
         before = where_attraction_ends(P, C, S, length, W)
@@ -518,7 +523,7 @@ def act(P, C, S, R, W):
         W.instant.elapsed = S.t - step.start
         note_rhythm(P, S, W, end.met, S.t)
         return call_unit(P.instant_unit, P, C, S, R, W)
-    S.deflate[:] = 0
+    leave_surfaces(P, S, W)
     S.stalled = 0
     record_point(P, S, R)
     return GO_ON

@@ -250,6 +250,7 @@ class Firing(Bundle):
     level: "f8[ne]"
     was: "f8[ne]"
     rounding: "f8[ne]"
+    slack: "f8[ne]"  # what the rounding of the instant itself makes of them
     before: "f8[n]"  # state before and after their updates
     after: "f8[n]"
     arrived: "f8[n]"  # state with which the instant begins
@@ -284,6 +285,7 @@ class Instant(Bundle):
     )
     drift: "f8[m]"  # the next ones, to a common factor
     hit: "b1[m + ne]"  # met
+    stood: "f8[m + ne]"  # the surfaces before something at this instant may have moved them
     came: "i8[m]"  # status before the instant
     active: "i8[m]"  # switches that are settled
     kept: "i8[2, m]"  # these, while discs are, and the status of all before

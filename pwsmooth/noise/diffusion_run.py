@@ -195,6 +195,7 @@ class Path(EventDriven):
         options = Options(max_steps=max_steps, strict=strict)
         # Where nothing switches, none of the event-driven run's own steps is ever taken.
         super().__init__(view.model, options, series=bool(view.model.multipliers or view.model.events))
+        self.periodic = []  # its steps look at all surfaces
         self.owner = run
         self.problem = _free(self.parts.new_problem(np.array(view.parameter_values, float)), run.lowered)
         self.tolerances = _steps(noise)

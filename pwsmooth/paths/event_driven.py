@@ -190,14 +190,18 @@ class EventDriven:
             max_step=min(options.max_step, longest_step(self.order)),
             max_steps=options.max_steps, strict=int(options.strict),
         )  # fmt: skip
-        self.clocked = any(event.every is not None or event.at for event in model.events)
-        self.control = names.Control(**self.limits, clock=np.empty(0), clock_event=np.empty(0, np.int64))
+        self.periodic = parts.periodic
+        self.clocked = bool(parts.periodic) or any(
+            event.every is not None or event.at for event in model.events
+        )
+        none = np.empty(0, np.int64)
+        self.control = names.Control(**self.limits, clock=np.empty(0), clock_event=none, clock_side=none)
         self.t_end, self.bound = self.control.scalar("t_end"), self.control.scalar("max_steps").view(np.int64)
         m, ne = len(model.multipliers), len(model.events)
         self.state = names.State.in_one_block(names.State.planned(dict(n=len(model.states), m=m, ne=ne)))
         self.state.side[:], self.state.step = 1, min(1e-3, options.max_step)
         self.blank = self.state.block.copy(), self.state.cells.copy()
-        self.most = {"most_events": 2 * m + 3 * ne + 64, "most_unsure": m + ne + 8}
+        self.most = {"most_events": 4 * m + 6 * ne + 192, "most_unsure": m + ne + 8}
         least, more = self._bytes(0), self._bytes(1024) - self._bytes(0)
         self._keep(min(_ROOM, max(_LEAST_ROOM, 1024 * (_KEPT_BYTES - least) // more)))
 
@@ -217,8 +221,10 @@ class EventDriven:
     def timed(self, t0: float, t1: float, values: Mapping[sp.Symbol, float]) -> Any:
         """The kernel's Control for a span."""
         if self.clocked:
-            clock, which = instants_of_time(self.model, values, t0, t1, self.max_steps)
-            return names.Control(**self.limits | {"t_end": t1}, clock=clock, clock_event=which)
+            clock, which, sides = instants_of_time(self.model, values, t0, t1, self.max_steps, self.periodic)
+            return names.Control(
+                **self.limits | {"t_end": t1}, clock=clock, clock_event=which, clock_side=sides
+            )
         self.t_end[0] = t1
         return self.control
 

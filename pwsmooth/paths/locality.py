@@ -13,6 +13,7 @@ import sympy as sp
 from sympy.solvers.solveset import NonlinearError
 
 from ..definition.families.template import Families, family_model
+from ..definition.lambdified import numpy_function
 from ..definition.model import Held, Model, Select
 from ..kernels import state as names
 from .problem import FEW, CompiledProblem, compiled_problem
@@ -115,7 +116,8 @@ def walls(template: Any) -> bool:
         return False
     # What depends on what is seen in numbers at a point that has nothing special: formulas take minutes to cancel.
     symbols = sorted(set().union(*(r.free_symbols for r in (*rhs, *residuals))) - set(unknowns), key=str)
-    solve, rates = sp.lambdify([symbols], linear, "numpy"), sp.lambdify([symbols, unknowns], rhs, "numpy")
+    solve = numpy_function([symbols], sp.Tuple(*linear))
+    rates = numpy_function([symbols, unknowns], sp.Tuple(*rhs))
     numbers = np.random.default_rng(0)
 
     def at(place: np.ndarray) -> np.ndarray:

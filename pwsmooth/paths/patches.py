@@ -106,11 +106,12 @@ class SmallSystem:
         self.C = names.Control.zeros(
             sizes, order=run.order, rtol=options.rtol, max_step=min(options.max_step, longest_step(run.order)),
             max_steps=2**62, strict=int(options.strict), clock=np.empty(0), clock_event=_EMPTY,
+            clock_side=_EMPTY,
         )  # fmt: skip
         self.S = names.State.zeros(sizes)
         log = 8 * (run.nm + run.ne) * most + 128
         given = dict(
-            event_t=np.zeros(log), event=np.zeros((log, 4), np.int64),
+            event_t=np.zeros(log), event=np.zeros((log, 4), np.int64), most_events=log,
             ambiguity_t=np.zeros(log), ambiguity=np.zeros((log, 3), np.int64),
         )  # fmt: skip
         self.R = names.Record.zeros(sizes, **given)

@@ -24,6 +24,7 @@ from ..definition.sigmoids import sigmoid
 from ..definition.singular import KINDS
 from ..kernels import state, work
 from ..kernels.step.tables import bernstein_tables, halving_tables, short_tables
+from .clock import periodic_switches
 from .levels import Levels
 
 FEW = 3  # elements that tell what holds for one
@@ -65,6 +66,13 @@ class CompiledProblem:
         if families:  # those of parameters alone have no branch point on the way
             powers = {p for p in powers if not p.free_symbols <= self._fixed_symbols}
         self.singular = any(p.exp.is_integer is not True for p in powers)
+        periodic = periodic_switches(text)
+        numbers = self._numbers("multipliers", list(range(len(text.multipliers))))
+        self.periodic = [
+            (periodic[mu.symbol], np.flatnonzero(numbers == j))
+            for j, mu in enumerate(text.multipliers)
+            if mu.symbol in periodic
+        ]
         carried = [state.SILENT if e.singular else state.PLAIN for e in text.events]
         self.carried = np.where(has_surface[code.m :], self._numbers("events", carried), state.TIMED)
         expressions += [x.surface for _, parts in holders for x in parts if x.surface is not None]
@@ -102,7 +110,12 @@ class CompiledProblem:
             holder=holder,
             contact=np.flatnonzero(self.kind == state.CONTACT),
             slope_moves=self._numbers("multipliers", [_slope_moves(mu, fixed) for mu in multipliers]),
-            nested=self._numbers("multipliers", [_nested(mu, lams) for mu in multipliers]),
+            nested=np.concatenate(
+                [
+                    self._numbers("multipliers", [_nested(mu, lams) for mu in multipliers]),
+                    self._numbers("events", [_nested(event, lams) for event in self._text.events]),
+                ]
+            ),
             surface_state=surface_state,
         )
 
@@ -380,9 +393,9 @@ def _twin(model: Model, event: EventSpec, fixed: Set[sp.Symbol]) -> tuple[int, i
     """The switch whose surface, up to a factor, is that of the event, and the factor's sign; -1 and 0 without one."""
     if event.surface is None or event.singular not in ("", "branch"):
         return -1, 0
-    key, _ = fingerprint(event.surface, frozenset(fixed))
+    key = fingerprint(event.surface, frozenset(fixed))
     for j, mu in enumerate(model.multipliers):
-        if key is not None and mu.kind == "switch" and fingerprint(mu.surface, frozenset(fixed))[0] == key:
+        if key is not None and mu.kind == "switch" and fingerprint(mu.surface, frozenset(fixed)) == key:
             factor = sp.cancel(event.surface / mu.surface)
             # A factor of unknown sign does not say which side is which.
             if factor.free_symbols <= fixed and (factor.is_positive or factor.is_negative):
@@ -390,9 +403,9 @@ def _twin(model: Model, event: EventSpec, fixed: Set[sp.Symbol]) -> tuple[int, i
     return -1, 0
 
 
-def _nested(mu: Multiplier, lams: set[sp.Symbol]) -> int:
+def _nested(of: Multiplier | EventSpec, lams: set[sp.Symbol]) -> int:
     """Whether another multiplier stands in the surface, which jumps when that one switches."""
-    return int(mu.surface is not None and bool(mu.surface.free_symbols & lams))
+    return int(of.surface is not None and bool(of.surface.free_symbols & lams))
 
 
 def _surface_state(model: Model, mu: Multiplier | EventSpec) -> int:

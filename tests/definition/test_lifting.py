@@ -88,12 +88,29 @@ def test_and_or_not_select_corner_by_corner():
         (x - y, 0.1 * x - 0.1 * y, 1),
         (x * (x + 1) - y, x**2 + x - y, 1),
         ((x**2 - y) / (1 + z**2), (x**2 - y) * 3 / (1 + z**2), 1),
+        (0.3 * x - 1, (0.1 * 3) * x - 1, 1),  # a rounding apart
     ],
 )
 def test_surfaces_equal_up_to_a_constant_factor_are_one_switch(first, second, orientation):
     lifting = Lifting(STATES)
     one, two = lifting(sp.sign(first)), lifting(sp.sign(second))
     assert two == orientation * one and len(lifting.switches) == 1
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        (1e9, 2e9),
+        (2592000, 2592060),  # a minute after 30 days, in seconds
+        (1700000000.0, 1700000001.0),  # a second in Unix time
+        (sp.Rational(2460000), sp.Rational(2460000) + sp.Rational(1, 10**6)),  # a Julian day and a part of it
+        (0.3, 0.3 + 1e-14),
+    ],
+)
+def test_thresholds_are_told_apart_however_large_they_are(first, second):
+    lifting = Lifting(STATES)
+    lifting(sp.sign(x - first) + sp.sign(x - second))
+    assert len(lifting.switches) == 2
 
 
 @pytest.mark.parametrize("second", [x + y, x - 2 * y, x - y + 1, q * x - q * y, x - p * y])
@@ -209,6 +226,36 @@ def test_instants_make_no_switches_of_their_own():
         (x, x > 0), (-x, True), evaluate=False
     )
     assert list(lifting.switches) == [lam]
+
+
+def test_conditions_of_nested_functions_may_stand_at_instants():
+    # A comparison of a clip is no surface of the field: it stays a condition, whose value is that of the notation.
+    lifting = Lifting(STATES)
+    over = lifting(
+        sp.Piecewise((1, sp.Max(0, sp.Min(1, x)) > sp.Rational(1, 2)), (0, True)), new_switches=False
+    )
+    assert not lifting.switches
+    for at, holds in ((0.4, 0), (0.6, 1), (2.0, 1), (-1.0, 0)):
+        assert value(over, {x: at}) == holds
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [
+        sp.Abs(sp.Piecewise((-1, x < 0), (1, True))),
+        sp.Max(sp.Abs(sp.sign(x)), sp.Rational(1, 2)),
+        sp.cos(sp.pi * sp.sign(x)) + 2,
+        sp.Abs(sp.Heaviside(x) - sp.Heaviside(-x)),
+    ],
+)
+def test_a_function_of_steps_that_is_the_same_on_both_sides_does_not_switch(steps):
+    # Between the sides it is 1 as well: what the steps are made of does not stick there.
+    assert lift(steps)[0] == 1
+
+
+def test_what_is_written_as_a_switch_or_as_a_product_stays_hidden():
+    lam = Switch("lam", v)
+    assert lift(sp.Abs(lam), lam)[0].free_symbols and lift(sp.sign(v) ** 2)[0].free_symbols
 
 
 # ---- refusals

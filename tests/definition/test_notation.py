@@ -372,3 +372,45 @@ def test_a_chain_is_coupled_to_what_stands_at_its_end():
             chain.at(y, place)
     with pytest.raises(TypeError, match="this family"):
         Family(3).at(y, 1)
+
+
+# ---- nests of functions, and logic
+
+
+def test_switches_of_nested_functions_of_parameters_are_values():
+    # sgn(max(p, q)) = 1 for p = 0.3, q = 0.7, and so on: x' = 1 - x from 0.
+    p, q = sp.symbols("p q", real=True)
+    nests = (
+        sp.sign(sp.Max(p, q)),
+        sp.sign(1 + sp.sign(sp.Abs(p) - 1) / 2),
+        sp.Heaviside(sp.Max(p, 1) - sp.Rational(1, 2)),
+        sp.Abs(sp.Piecewise((1, q > sp.Rational(1, 2)), (p, True))),
+        sp.Heaviside(sp.Piecewise((p, q > sp.Rational(1, 2)), (q, p < 0), (1, True)) + sp.Rational(1, 2)),
+    )
+    for nest in nests:
+        values = {s: value for s, value in ((p, 0.3), (q, 0.7)) if nest.has(s)}
+        run = solve(System({x: nest - x}, parameters=values), (0, 1), {x: 0})
+        assert run["x"][-1] == pytest.approx(1 - np.exp(-1), abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("condition", "ticks"),
+    [
+        (sp.Xor(x > sp.Rational(1, 2), x > sp.Rational(3, 2)), 1),
+        (sp.Implies(x > sp.Rational(1, 2), x > sp.Rational(3, 2)), 1),
+        (sp.Equivalent(x > sp.Rational(1, 2), x > sp.Rational(3, 2)), 1),
+        (sp.ITE(x > sp.Rational(3, 2), x > 0, x > 5), 1),
+    ],
+)
+def test_a_guard_takes_every_logical_function(condition, ticks):
+    # Ticks at 1 and 2 with x = t.
+    n = Memory("n", 0)
+    run = solve(System({x: 1}, events=[Event(every=1, when=condition, update={n: n + 1})]), (0, 2.5), {x: 0})
+    assert run["n"][-1] == ticks
+
+
+def test_a_power_of_minus_one_with_a_sign_above_is_a_cosine():
+    # cos(pi sign x), which sympy writes so, is -1 on both sides.
+    assert solve(System({x: sp.cos(sp.pi * sp.sign(x)) + 2}), (0, 1), {x: -0.5})["x"][-1] == pytest.approx(
+        0.5, abs=1e-9
+    )

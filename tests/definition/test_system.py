@@ -32,7 +32,7 @@ from front_models import (
     z,
 )
 
-from pwsmooth import Algebraic, Memory, Switch, System, Unilateral
+from pwsmooth import Algebraic, Memory, Switch, System, Unilateral, solve
 from pwsmooth.definition.model import Select
 from pwsmooth.definition.pointwise import draw
 
@@ -333,3 +333,10 @@ def test_import_is_cheap():
         "print([m for m in ('numba', 'matplotlib', 'scipy', 'xarray') if m in sys.modules])"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
+
+
+def test_a_pulse_in_seconds_after_thirty_days_is_there():
+    y, at = sp.symbols("y at", real=True)
+    for begin, width in ((2592000, 60), (1700000000, 3600)):
+        pulse = System({y: sp.Piecewise((1, (at > begin) & (at < begin + width)), (0, True))}, time=at)
+        assert solve(pulse, (begin - 1000, begin + 10000), {y: 0})["y"][-1] == pytest.approx(width, abs=1e-5)

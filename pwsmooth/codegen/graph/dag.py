@@ -10,7 +10,7 @@ import math
 import sympy as sp
 from sympy.core.relational import Relational
 from sympy.functions.elementary.piecewise import ExprCondPair
-from sympy.logic.boolalg import ITE, BooleanFalse, BooleanTrue
+from sympy.logic.boolalg import BooleanFalse, BooleanFunction, BooleanTrue
 
 from ...definition.model import Above, Entry, Held, Model, Select, Whole, tables_of
 from .nodes import STATE, TIME, Nodes
@@ -126,7 +126,7 @@ class Graph(Nodes):
         if isinstance(e, Held):
             _, apart, held = map(self.expression, e.args)
             return self.make("sel", (apart, apart, held), self._variable[e.args[0]][1])
-        if isinstance(e, (sp.Piecewise, ITE)):
+        if isinstance(e, sp.Piecewise):
             return self._piecewise(e)
         if isinstance(e, Above):
             return self.make("pow", tuple(map(self.expression, e.args)), "above")
@@ -155,6 +155,8 @@ class Graph(Nodes):
             return self.make("and" if isinstance(e, sp.And) else "or", parts)
         if isinstance(e, sp.Not):
             return self.make("not", (self.expression(e.args[0]),))
+        if isinstance(e, BooleanFunction):  # ITE, Xor, Implies, ...
+            return self.expression(sp.to_nnf(e, simplify=False))
         if e.is_number:
             return self.num(float(e))
         raise TypeError(f"no code is known for `{kind.__name__}` in {e}; write it with elementary functions")
@@ -201,8 +203,6 @@ class Graph(Nodes):
         return self.select(j, a, b, self.expression(e.affine(surface)) if e.powers_of(surface) else None)
 
     def _piecewise(self, e) -> int:
-        if isinstance(e, ITE):
-            return self.ite(*(self.expression(a) for a in e.args))
         node = self.num(math.nan)  # outside every condition, as in sympy
         for pair in reversed(e.args):
             value, condition = pair.args if isinstance(pair, ExprCondPair) else pair

@@ -2,47 +2,189 @@
 switches after what jumped."""
 
 from ..firing import counts, fire
+from ..intervals import time_size
 from ..machine.compiling import kernel
-from ..machine.pointers import call_act, call_fields
+from ..machine.pointers import call_act
 from ..outcome import Outcome
 from ..state import (
     ACTS,
     ADD,
+    ALGEBRAIC,
     AMB_UPDATES,
     CONTACT,
     DISC,
     DUE,
+    EV_CROSSING,
     EV_EVENT,
     EV_RESET,
     GO_ON,
     HELD,
     SECOND_ORDER,
     SET,
+    SOLVED,
     TAPE_ACT,
     TAPE_ROUND,
     THROUGH,
     UNRECORDED,
 )
 from ..step.recording import put_on_tape, record_ambiguity, record_event
-from ..surface.sliding import is_at_rest, surface_rounding
-from .accumulation import events_accumulate
-from .surface_rates import evaluate_surfaces
+from ..surface.sliding import follow, is_at_rest, mask_instant, surface_rounding, surface_speed
+from .accumulation import at_once_within, events_accumulate
+from .surface_rates import any_kind, evaluate_surfaces
 
 _MOST_INSIDE = 1e-9  # of the states and their way: what one may be moved by
+_TICK = 1e-15  # of the time: its rounding
 
 
 @kernel
 def _look(loop, t, x):
-    """Overwrites level and rounding of the event surfaces at S."""
+    """Overwrites level and rounding of the event surfaces at S, with what the state says of switches and unknowns."""
     P, S, R, W = loop
+    _renew_multipliers(P, S, W)
     evaluate_surfaces(P, S, W)
     for i in range(P.ne):
         W.firing.level[i] = W.h[P.m + i]
-        rounding = 0.0
+        rounding = W.firing.slack[i]
         for e in range(P.dh_row[P.m + i], P.dh_row[P.m + i + 1]):
             k = P.dh_col[e]
             rounding += 1e-13 * abs(W.dh[e]) * (abs(W.firing.before[k]) + abs(x[k]))
         W.firing.rounding[i] = rounding
+
+
+@kernel
+def _solve_unknowns(P, S, W):
+    """Solves for what is solved for at every instant, where there are unknowns."""
+    if any_kind(P, ALGEBRAIC) and mask_instant(P, S, W):
+        follow(P, S, W)
+
+
+@kernel
+def _renew_multipliers(P, S, W):
+    """Between two rounds of events: multipliers of switches that an update has moved are those of their new sides.
+
+    What their statuses become is settled when no event acts any more.
+    """
+    for sweep in range(P.m + 1):
+        evaluate_surfaces(P, S, W)
+        changed = solves = False
+        for j in range(P.m):
+            held = S.status[j] == SOLVED
+            W.mask[j] = 1 if held else 0
+            if P.kind[j] < DISC and W.h[j] != W.firing.switch_level[j]:
+                side = 1.0 if W.h[j] > 0.0 else -1.0
+                if abs(W.h[j]) > surface_rounding(P, S, j, W):
+                    W.mask[j] = 0
+                    changed = changed or S.mult[j] != side
+                    S.mult[j] = side
+            solves = solves or W.mask[j] != 0
+        if sweep > 0 and not changed:
+            return
+        if solves:
+            for j in range(P.m):
+                W.instant.mult[j] = S.mult[j]
+            if not follow(P, S, W):
+                for j in range(P.m):
+                    S.mult[j] = W.instant.mult[j]
+        elif not changed:
+            return
+
+
+@kernel
+def _moment(S, W):
+    """The rounding of an instant."""
+    return max(at_once_within(S.t, W.step.length), _TICK * time_size(S))
+
+
+@kernel
+def note_surfaces(P, S, W):
+    """Overwrites instant.stood and firing.slack: the surfaces at S, before something at this instant may move them, and
+    what those of events change by in the rounding of time."""
+    evaluate_surfaces(P, S, W)
+    for i in range(P.m + P.ne):
+        W.instant.stood[i] = W.h[i]
+    for i in range(P.ne):
+        W.firing.slack[i] = _TICK * time_size(S) * abs(surface_speed(P, W, P.m + i))
+
+
+@kernel
+def leave_what_jumps(P, S, W):
+    """Surfaces that were met and have since jumped with a switch that stands in them are not met any more."""
+    evaluate_surfaces(P, S, W)
+    for i in range(P.m + P.ne):
+        if P.nested[i] == 0 or not W.instant.hit[i]:
+            continue
+        within = surface_rounding(P, S, i, W) + _moment(S, W) * abs(surface_speed(P, W, i))
+        if abs(W.h[i] - W.instant.stood[i]) > within and abs(W.h[i]) > within:
+            W.instant.hit[i] = False
+
+
+@kernel
+def strike_switches(P, C, S, R, W):
+    """Switches of time alone whose instant has come cross; returns whether there are any.
+
+    They come first: at an instant a function of time has the value that it has from there on.
+    """
+    some, tick = False, S.ticks
+    while tick < len(C.clock) and C.clock[tick] <= S.t:
+        j = C.clock_event[tick] - P.ne
+        tick += 1
+        if j < 0:
+            continue
+        if not some:
+            note_surfaces(P, S, W)
+        some = True
+        record_event(S, R, j, EV_CROSSING, S.status[j], -S.status[j])
+        S.status[j] = -S.status[j]
+        S.mult[j] = float(S.status[j])
+        S.deflate[j] = 0
+        W.instant.hit[j] = False
+    if some:
+        _solve_unknowns(P, S, W)
+        leave_what_jumps(P, S, W)
+        sides_after_crossing(P, S, R, W)
+    return some
+
+
+@kernel
+def may_be_carried(P):
+    """Whether something else than motion and updates can carry it through the surface of an event."""
+    if P.ne > 0 and len(P.contact) > 0:
+        return True
+    for i in range(P.m, P.m + P.ne):
+        if P.nested[i] != 0:
+            return True
+    return False
+
+
+@kernel
+def carried_along(P, S, W):
+    """Makes due the events through whose surfaces something else than the motion has carried it since `stood`: an
+    impact, a switch that stands in them. Returns whether there are any.
+
+    A surface that it is left on is met when the motion goes on to the other side.
+    """
+    some = False
+    evaluate_surfaces(P, S, W)
+    for i in range(P.ne):
+        j = P.m + i
+        W.firing.due[i] = W.firing.met[i] = 0
+        if P.rows_slip[j] < 0 or P.watch[i] != 0:
+            continue
+        speed = surface_speed(P, W, j)
+        within = surface_rounding(P, S, j, W) + max(W.firing.slack[i], _moment(S, W) * abs(speed))
+        if abs(W.h[j]) <= within:
+            if speed * S.side[i] > 0.0 and S.deflate[j] == 0:
+                S.deflate[j] = 1  # it was met, rested there, and is left
+            continue
+        if abs(W.h[j] - W.instant.stood[j]) <= within:
+            continue
+        S.deflate[j] = 0
+        if W.h[j] * S.side[i] < 0.0:
+            S.side[i] = -S.side[i]
+            if counts(P.direction[i], S.side[i]):
+                W.firing.due[i] = DUE
+                some = True
+    return some
 
 
 @kernel
@@ -114,16 +256,18 @@ def _bring_together(loop, together):
 
 
 @kernel
-def events(P, C, S, R, W):
+def events(P, C, S, R, W, struck):
     """The events of this instant, of surfaces and of the clock; returns as `fire`, or EVENTS_ACCUMULATE.
 
-    Sets W.instant.jumped; keeps in W.firing.switch_level the switches' surfaces before the first update.
+    Sets W.instant.jumped; keeps in W.firing.switch_level the switches' surfaces before the first update. `struck`:
+    whether switches have crossed by the clock, which may carry through surfaces of events.
     """
     firing, instant = W.firing, W.instant
-    m, some = P.m, False
+    m, some = P.m, struck and carried_along(P, S, W)
     for i in range(P.ne):
         met = instant.hit[m + i]
-        firing.due[i] = firing.left[i] = 0
+        if not struck:
+            firing.due[i] = 0
         firing.met[i] = 1 if met else 0
         if met:
             S.deflate[m + i] = 1
@@ -133,14 +277,29 @@ def events(P, C, S, R, W):
                 some = True
     if instant.at_clock:
         while S.ticks < len(C.clock) and C.clock[S.ticks] <= S.t:
-            firing.due[C.clock_event[S.ticks]] = DUE
+            if C.clock_event[S.ticks] < P.ne:
+                firing.due[C.clock_event[S.ticks]] = DUE
+                some = True
             S.ticks += 1
-            some = True
     for k in range(P.n):
         firing.arrived[k] = S.x[k]
     if not some:
+        if may_be_carried(P):
+            note_surfaces(P, S, W)
         return GO_ON
-    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    code = fire_due(P, S, R, W)
+    if code == GO_ON and events_accumulate(P, S, R, W):
+        return Outcome.EVENTS_ACCUMULATE
+    return code
+
+
+@kernel
+def fire_due(P, S, R, W):
+    """Lets what is due act, and what that makes due, from the present state; returns as `fire`, sets instant.jumped."""
+    firing, m = W.firing, P.m
+    note_surfaces(P, S, W)
+    for i in range(P.ne):
+        firing.left[i] = 0
     for j in range(m):
         firing.switch_level[j] = W.h[j]
     for i in range(P.ne):
@@ -151,14 +310,13 @@ def events(P, C, S, R, W):
     for k in range(P.n if firing.keeps != 0 else 0):
         firing.kept[k] = 0
     firing.keeps = 0
-    instant.jumped = firing.jumped
+    W.instant.jumped = firing.jumped
     for i in range(P.ne):
+        W.instant.stood[m + i] = firing.level[i]
         if firing.left[i]:
             S.deflate[m + i] = 0
         if firing.left[i] == THROUGH:
-            instant.hit[m + i] = True
-    if code == GO_ON and events_accumulate(P, S, R, W):
-        return Outcome.EVENTS_ACCUMULATE
+            W.instant.hit[m + i] = True
     return code
 
 
@@ -166,6 +324,7 @@ def events(P, C, S, R, W):
 def sides_after_crossing(P, S, R, W):
     """A surface in which another multiplier stands has jumped with it: its switch takes the side it finds itself on."""
     for _ in range(P.m):
+        _solve_unknowns(P, S, W)
         evaluate_surfaces(P, S, W)
         changed = False
         for j in range(P.m):
@@ -198,6 +357,8 @@ def sides_after_jump(P, S, R, W):
         if on:
             if S.status[j] == HELD and P.kind[j] != SECOND_ORDER:
                 continue
+            if abs(S.status[j]) == 1:
+                S.mult[j] = float(S.status[j])  # whatever an earlier round has made of it
             if not instant.hit[j]:
                 S.last[j, 2] = 0.0  # what puts it there comes back to its surface, not the motion
             instant.hit[j] = True  # still, or now, on its surface

@@ -37,6 +37,7 @@ from ..state import (
     State,
 )
 from ..step.finer import SWITCHING, follow_arcs, follow_as_asked
+from ..step.meeting import rested_on
 from ..step.recording import put_causes_on_tape, record_ambiguity, record_event, record_point
 from ..step.singular import has_branch_point
 from ..surface.layer import LEAVE_FOLD
@@ -56,7 +57,16 @@ from .contacts import (
 )
 from .discs import ALONE, ARRIVING, AT_REST, free_components, resettle_discs, settle_discs, slip_by_layer
 from .dry_friction import leave_loop, settle_friction
-from .firing import events, sides_after_crossing, sides_after_jump, step_inside
+from .firing import (
+    carried_along,
+    events,
+    fire_due,
+    may_be_carried,
+    sides_after_crossing,
+    sides_after_jump,
+    step_inside,
+    strike_switches,
+)
 from .holding import (
     AT_BOUND,
     hold_beside,
@@ -360,7 +370,17 @@ def _sides_of_events(P, S, W):
 
 
 @kernel
-def _note_what_is_met(P, S, W):
+def _note_clocks(P, C, S, W):
+    """Switches of time alone whose instants have come are met."""
+    tick = S.ticks
+    while tick < len(C.clock) and C.clock[tick] <= S.t:
+        if C.clock_event[tick] >= P.ne:
+            W.instant.hit[C.clock_event[tick] - P.ne] = True
+        tick += 1
+
+
+@kernel
+def _note_what_is_met(P, C, S, W):
     """Overwrites instant.hit, known zeros of S and instant.came; states that are surfaces are put on them."""
     instant = W.instant
     m, ne, status, elapsed = P.m, P.ne, S.status, instant.elapsed
@@ -368,11 +388,13 @@ def _note_what_is_met(P, S, W):
     for i in range(m + ne):
         later = (W.meeting.tau[i] - instant.met) * W.step.length
         instant.hit[i] = W.meeting.tau[i] <= 1.0 and later <= within
-        left = S.deflate[i] != 0 and not instant.hit[i]
+        left = S.deflate[i] != 0 and not instant.hit[i] and not rested_on(P, S, W, i)
         if left and (elapsed > 1e-12 * time_size(S) or _left_behind(P, S, W, i)):
             S.deflate[i] = 0
         if i < m and begins(P, S, i):
             S.mult[i] = INSIDE  # at h = 0 still: its direction is not yet h/|h|
+    if instant.at_clock:
+        _note_clocks(P, C, S, W)
     for i in range(ne):
         # One surface, met once: roundings may put its two series' zeros on either side of the step's end.
         j = abs(P.twin[i]) - 1
@@ -412,7 +434,7 @@ def at_instant(P, C, S, R, W):
             W.step.refused = j
         return GO_ON
     W.step.refused = -1
-    _note_what_is_met(P, S, W)
+    _note_what_is_met(P, C, S, W)
     if R.tape.shape[0] > 0:
         put_causes_on_tape(P, C, S, R, W)
     record_point(P, S, R)
@@ -433,13 +455,48 @@ def at_instant(P, C, S, R, W):
             only = -1
         instant.solved_there = 0
     stop, jumped = GO_ON, False
+    struck = instant.at_clock != 0 and strike_switches(P, C, S, R, W)
+    if P.ne == 0 and instant.at_clock != 0:
+        while S.ticks < len(C.clock) and C.clock[S.ticks] <= S.t:
+            S.ticks += 1
     if only < 0 and P.ne > 0:
-        stop = events(P, C, S, R, W)
+        stop = events(P, C, S, R, W, struck)
         jumped = instant.jumped != 0
         if stop == Outcome.EVENTS_ACCUMULATE:
             record_point(P, S, R)
         if stop != GO_ON and stop != Outcome.TERMINATED:
             return stop
+    code = _settle(P, C, S, R, W, fold, only, struck)
+    for _ in range(MOST_AT_ONCE):
+        # What impacts and switches have done to the surfaces of events is looked at when they have come to an end.
+        carries = only < 0 and (jumped or may_be_carried(P)) and (code == GO_ON and stop == GO_ON)
+        if not carries or not carried_along(P, S, W):
+            break
+        if S.events - events_before + 2 * (P.m + P.ne) + MOST_AT_ONCE > R.most_events:
+            return Outcome.EVENT_LOOP
+        _forget_what_was_met(P, S, W)
+        stop = fire_due(P, S, R, W)
+        jumped = jumped or instant.jumped != 0
+        if stop != GO_ON and stop != Outcome.TERMINATED:
+            return stop
+        code = _settle(P, C, S, R, W, -1, -1, False)
+    if code != GO_ON:
+        return code
+    if len(P.contact) > 0:
+        stop_closed(P, S, W)
+    if jumped:
+        _sides_of_events(P, S, W)
+    if S.events > events_before:
+        record_point(P, S, R)
+    if C.strict and S.ambiguities > 0:
+        return Outcome.AMBIGUITY
+    return stop
+
+
+@kernel
+def _settle(P, C, S, R, W, fold, only, struck):
+    """Contacts and switches in turns until neither changes; a code."""
+    instant = W.instant
     for turn in range(MOST_AT_ONCE + 1):
         if turn == MOST_AT_ONCE:
             return Outcome.CHATTERING
@@ -461,18 +518,10 @@ def at_instant(P, C, S, R, W):
         code = pass_accumulation(P, C, S, R, W) if turn == 0 else NOTHING
         if code != GO_ON and code != NOTHING:
             return code
-        if switched or code == GO_ON or contacts != UNCHANGED:
+        if switched or struck or code == GO_ON or contacts != UNCHANGED:
             code = _follow_up(P, C, S, R, W)
             if code != GO_ON:
                 return code
         if len(P.contact) == 0 or instant.look_again == 0:
             break
-    if len(P.contact) > 0:
-        stop_closed(P, S, W)
-    if jumped:
-        _sides_of_events(P, S, W)
-    if S.events > events_before:
-        record_point(P, S, R)
-    if C.strict and S.ambiguities > 0:
-        return Outcome.AMBIGUITY
-    return stop
+    return GO_ON

@@ -43,7 +43,7 @@ def only_one(P, S, W):
                 return -1
             only = j
     for i in range(P.m, P.m + P.ne):
-        if W.instant.hit[i]:
+        if W.instant.hit[i] or P.nested[i] != 0:
             return -1
     return only if only >= 0 and not P.hidden[only] and P.nz == 0 else -1
 

@@ -17,6 +17,7 @@ from ..state import (
     SLIDING,
     SOLVED,
 )
+from ..step.meeting import is_clocked
 from ..step.recording import record_ambiguity, record_point
 from ..surface.sliding import INSIDE, is_at_rest, mask_instant, surface_rounding
 from ..surface.unknowns import solve_unknowns
@@ -24,7 +25,23 @@ from .contacts import UNCHANGED, close_at_start, outcome_of
 from .discs import settle_discs
 from .resting import stay_at_rest
 from .settling import settle_at_rest
-from .surface_rates import any_is, approach_speed, evaluate_surfaces, leading_order
+from .surface_rates import any_is, approach_speed, evaluate_surfaces, leading_order, order_of_leaving
+
+
+@kernel
+def _look_at_nested(P, C, S, W):
+    """After a switch on its surface has taken its side: where the surfaces in which others stand are now."""
+    evaluate_surfaces(P, S, W)
+    for i in range(P.m + P.ne):
+        if P.nested[i] == 0 or P.rows_slip[i] < 0:
+            continue
+        W.instant.hit[i] = abs(W.h[i]) <= surface_rounding(P, S, i, W)
+        side = 1 if W.h[i] >= 0.0 else -1
+        if i >= P.m:
+            S.side[i - P.m] = side
+        elif P.kind[i] < DISC and not W.instant.hit[i] and abs(S.status[i]) == 1 and not is_clocked(C, i):
+            S.status[i] = side
+            S.mult[i] = float(side)
 
 
 @kernel
@@ -39,13 +56,21 @@ def start(P, C, S, R, W):
     for j in range(m):
         status[j] = SOLVED if P.kind[j] == ALGEBRAIC else 1
         mult[j] = 0.0 if P.kind[j] >= CONTACT else 1.0
-    # Twice: a surface may depend on an inner switch that is known only after the first look.
-    for _ in range(2):
+        if is_clocked(C, j):
+            status[j] = C.clock_side[j]
+            mult[j] = float(status[j])
+    # Until nothing changes: a surface may depend on inner switches that are known only after a look.
+    for look in range(m + 1):
         call_fields(P.fields, S.t, S.x, mult, P.p, W.dx, W.h, W.g)
+        changed = False
         for j in range(m):
-            if P.kind[j] < CONTACT:
-                status[j] = 1 if W.h[j] >= 0.0 else -1
-                mult[j] = float(status[j])
+            if P.kind[j] < CONTACT and not is_clocked(C, j):
+                side = 1 if W.h[j] >= 0.0 else -1
+                changed = changed or side != status[j]
+                status[j] = side
+                mult[j] = float(side)
+        if look > 0 and not changed:
+            break
     for j in range(m):
         if P.kind[j] == DISC and is_at_rest(P, S, j, W):
             mult[j] = INSIDE
@@ -56,6 +81,8 @@ def start(P, C, S, R, W):
         instant.hit[i] = abs(W.h[i]) <= surface_rounding(P, S, i, W) and P.rows_slip[i] >= 0
         if i < m and P.kind[i] == DISC:
             instant.hit[i] = mult[i] == INSIDE
+        if i < m and is_clocked(C, i):
+            instant.hit[i] = False
     for i in range(P.ne):
         S.side[i] = 1 if W.h[m + i] >= 0.0 else -1
     if len(P.contact) > 0:
@@ -77,10 +104,12 @@ def start(P, C, S, R, W):
             instant.active[size] = j
             size += 1
         elif not any_is(P, S, SOLVED):
-            order = leading_order(P, C, S, W, j)
+            order, side = leading_order(P, C, S, W, j), status[j]
             status[j] = 1 if order > 0 else -1
             mult[j] = float(status[j])
             S.deflate[j] = abs(order)
+            if status[j] != side:
+                _look_at_nested(P, C, S, W)
     code = settle_at_rest(P, C, S, R, W, size) if size > 0 else GO_ON
     if code == GO_ON and P.discs != 0:
         code, _ = settle_discs(P, C, S, R, W, True)
@@ -94,6 +123,11 @@ def start(P, C, S, R, W):
         S.deflate[i] = 1
         if slipping:
             order = leading_order(P, C, S, W, i)
+        elif i >= m and P.watch[i - m] == 0:
+            order = order_of_leaving(P, C, S, W, i)
+        else:
+            continue
+        if order != 0:
             S.deflate[i] = abs(order)
             if i >= m:
                 S.side[i - m] = 1 if order > 0 else -1

@@ -30,6 +30,15 @@ def any_is(P, S, status):
     return False
 
 
+@kernel
+def any_kind(P, kind):
+    """Whether some multiplier is of this kind."""
+    for j in range(P.m):
+        if P.kind[j] == kind:
+            return True
+    return False
+
+
 @inlined_kernel
 def rests_along(P, S, W, k):
     """Whether switch k is on its surface to rounding, without having met it: it comes there with another one."""

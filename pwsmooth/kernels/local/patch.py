@@ -96,7 +96,7 @@ def shape(A, P, C, W):
         for k in range(M if E.s_own[b] else 1):
             j = number_of(E, b, M, k)
             P.kind[j], P.hidden[j] = E.kind[b], E.hidden[b]
-            P.slope_moves[j], P.nested[j] = E.slope_moves[b], E.nested[b]
+            P.slope_moves[j] = E.slope_moves[b]
             P.surface_state[j] = E.surface_state[b] * places + k if E.surface_state[b] >= 0 else -1
             P.g_row[j], P.link_row[j] = at_g, at_link
             for e in range(E.g_first[b], E.g_first[b + 1]):
@@ -126,7 +126,7 @@ def shape(A, P, C, W):
     for b in range(nm + ne):
         for k in range(M if E.s_own[b] else 1):
             i = number_of(E, b, M, k)
-            P.dh_row[i] = at_dh
+            P.dh_row[i], P.nested[i] = at_dh, E.nested[b]
             for e in range(E.dh_first[b], E.dh_first[b + 1]):
                 P.dh_col[at_dh] = E.dh_block[e] * places + _place_near(A, k, E.dh_near[e], places)
                 at_dh += 1

@@ -20,6 +20,7 @@ _ROUNDING = 1e-13  # of what the terms of a series add up to
 _ROUNDING_OF_A_FIT = 1e-12  # of a lambda near 1 in the terms of the pair's fit: 2^-53 times some thousands
 _TOUCHES = 4  # orders to which a surface or a bound may be touched where a step begins
 _BEFORE = 1e-6  # of a step
+_RESTING = 8  # terms of a series that are looked at
 _NEARBY = 1e3  # times that: worth a look
 _CURVED = 1e-6  # of a surface's change on the step: less is the bend of one that crosses with its slope 0
 _SHALLOW = 10.0  # tolerances: the interpolant of the pair is less good than its step
@@ -150,6 +151,33 @@ def _kink_met(P, C, S, row, power, j, met, W):
 
 
 @inlined_kernel
+def is_clocked(C, j):
+    """Whether switch j crosses at instants that are known: it is not looked for."""
+    return len(C.clock_side) > 0 and C.clock_side[j] != 0
+
+
+@kernel
+def rested_on(P, S, W, i):
+    """Whether surface i is that of an event, met before the last step, and the motion has rested on it since."""
+    row = surface_rows(P, W.step.kind)[i]
+    if i < P.m or row < 0 or S.deflate[i] == 0:
+        return False
+    moved, power = 0.0, 1.0
+    for k in range(1, _RESTING):
+        power *= W.step.length
+        moved += abs(W.step.rows[row, k]) * power
+    return moved <= SURFACE_ROUNDING
+
+
+@kernel
+def leave_surfaces(P, S, W):
+    """Behind a step: what was met before it is left, but where the motion has rested."""
+    for i in range(P.m + P.ne):
+        if S.deflate[i] != 0 and not rested_on(P, S, W, i):
+            S.deflate[i] = 0
+
+
+@inlined_kernel
 def find_first(P, C, S, W):
     """Overwrites tau and grazed: where in the step each surface or bound is met, grazed; returns the earliest met."""
     step, meeting = W.step, W.meeting
@@ -173,7 +201,13 @@ def find_first(P, C, S, W):
                 meeting.exit_side[j] = 1
             elif kind[j] != ALGEBRAIC and kind[j] != COMPONENT:
                 met = _meet_bounds(P, C, S, rows[mult_row + j], power, K, j, W)
-        elif all_rows[j] >= 0 and status[j] != HELD and kind[j] != COMPONENT and kind[j] != DISC:
+        elif (
+            all_rows[j] >= 0
+            and status[j] != HELD
+            and kind[j] != COMPONENT
+            and kind[j] != DISC
+            and not is_clocked(C, j)
+        ):
             _note_size(P, C, W, j, rows[all_rows[j]], deflate[j])
             rounding = SURFACE_ROUNDING
             if step.nears == SWITCHING and P.surface_state[j] >= 0:
@@ -288,7 +322,13 @@ def touched_at_the_end(P, C, S, fraction, W):
                 row[0] = keep - side
                 found = not at_bound and _touches_at(P, C, S, row, 0, -side, fraction, W)
                 row[0] = keep
-        elif S.status[i] != HELD and P.kind[i] != COMPONENT and P.kind[i] != DISC and P.kind[i] != KINK:
+        elif (
+            S.status[i] != HELD
+            and P.kind[i] != COMPONENT
+            and P.kind[i] != DISC
+            and P.kind[i] != KINK
+            and not is_clocked(C, i)
+        ):
             found = _touches_at(P, C, S, row, S.deflate[i], float(S.status[i]), fraction, W)
         if found:
             meeting.grazed[i], meeting.graze_crosses[i] = fraction, int(meeting.tau[i] <= fraction + GRAZING)

@@ -104,9 +104,10 @@ def put_causes_on_tape(P, C, S, R, W):
             some = True
     tick = S.ticks
     while instant.at_clock and tick < len(C.clock) and C.clock[tick] <= S.t:
-        put_on_tape(P, S, R, TAPE_MEET, TAPE_CLOCK, tick, 0, 0.0)
+        if C.clock_event[tick] < P.ne:  # a switch is met as its surface is
+            put_on_tape(P, S, R, TAPE_MEET, TAPE_CLOCK, tick, 0, 0.0)
+            some = True
         tick += 1
-        some = True
     if not some:
         put_on_tape(P, S, R, TAPE_MEET, TAPE_NOTHING, 0, 0, 0.0)
 

@@ -1,0 +1,158 @@
+"""After any change at an instant everything that depends on it is taken anew.
+
+What changes: an update, an impact, a switch that crosses, the clock. What depends on it: sides of events, switches in
+surfaces, unknowns. Models and their right answers are closed forms, given beside each.
+"""
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from pwsmooth import Algebraic, Event, Memory, System, Unilateral, solve
+
+t, x, y, v, a, c, w, q = sp.symbols("t x y v a c w q", real=True)
+n, m, s, pause = (Memory(name, 0) for name in ("n", "m", "s", "pause"))
+THIRD = sp.Rational(1, 3)
+METHODS = pytest.mark.parametrize("method", ["auto", "rk"])
+
+
+# ---- surfaces of events that jump
+
+
+@METHODS
+def test_a_jump_of_a_surface_against_the_direction_fires_nothing_and_the_next_zero_does(method):
+    # Mod(t, 10) - 3 rises through 0 at 3, 13, ... and falls by its jumps at 10, 20, ...
+    bell = Event(sp.Mod(t, 10) - 3, direction=1, update={x: x + 1}, name="bell")
+    run = solve(System({x: -x / 5}, time=t, events=[bell]), (0, 40), {x: 0}, method=method)
+    np.testing.assert_allclose(run.event_times(switch="bell"), [3, 13, 23, 33], atol=1e-9)
+
+
+def test_a_jump_of_a_surface_in_the_direction_fires_once():
+    # Both ways: 3, 10, 13, 20, 23, 30, 33; falling alone: the jumps.
+    for direction, times in ((0, [3, 10, 13, 20, 23, 30, 33]), (-1, [10, 20, 30])):
+        count = Event(sp.Mod(t, 10) - 3, direction=direction, update={n: n + 1}, name="count")
+        run = solve(System({x: -x / 5}, time=t, events=[count]), (0, 39), {x: 0})
+        np.testing.assert_allclose(run.event_times(switch="count"), times, atol=1e-9)
+
+
+def test_a_set_point_that_steps_over_the_state_is_reached_later():
+    # x = t reaches 1 at t = 1; at 3 the set point becomes 4.
+    r = sp.Piecewise((1, t < 3), (4, True))
+    for terminal in (False, True):
+        reached = Event(x - r, direction=1, terminal=terminal, name="reached")
+        run = solve(
+            System({x: 1}, time=t, events=[reached]), (2 if terminal else 0, 6), {x: 2 if terminal else 0}
+        )
+        np.testing.assert_allclose(run.event_times(switch="reached"), [4] if terminal else [1, 4], atol=1e-9)
+
+
+def test_a_mark_on_a_wheel_is_passed_once_a_turn():
+    # Mod(x, 2 pi) - pi rises at pi + 2 pi k and jumps down at 2 pi k.
+    mark = Event(sp.Mod(x, 2 * sp.pi) - sp.pi, direction=1, name="mark")
+    run = solve(System({x: 1}, events=[mark]), (0, 20), {x: 0})
+    np.testing.assert_allclose(run.event_times(switch="mark"), np.pi * np.array([1, 3, 5]), atol=1e-8)
+
+
+def test_an_impact_carries_a_velocity_through_zero_upward_alone():
+    # Dropped from 0.2 with g = 10, e = 1/2: it lands at 0.2, 0.6, 0.8, ...; its tops are at 0.4, 0.7 less landing.
+    floor = Unilateral(x, restitution=sp.Rational(1, 2), name="floor")
+    for direction, times in (
+        (-1, [0.3, 0.45, 0.525]),
+        (1, [0.2, 0.4, 0.5]),
+        (0, [0.2, 0.3, 0.4, 0.45, 0.5, 0.525]),
+    ):
+        events = [Event(v, direction=direction, update={n: n + 1}, name="top")]
+        ball = System({x: v, v: -10 + floor.reaction}, events=events)
+        run = solve(ball, (0, 0.54), {x: 0.2, v: 0})
+        np.testing.assert_allclose(run.event_times(switch="top"), times, atol=1e-9)
+        assert run["n"][-1] == len(times)
+
+
+# ---- after an update
+
+
+def test_the_unknown_of_a_surface_is_solved_after_its_update():
+    # a = 2 x and x' = 1; x is put back to 0 whenever a comes to 1.
+    system = System(
+        {x: 1}, algebraic=[Algebraic(a, a - 2 * x)], events=[Event(a - 1, direction=1, update={x: 0})]
+    )
+    run = solve(system, (0, 2.2), {x: 0})
+    np.testing.assert_allclose(run.event_times("reset"), [0.5, 1, 1.5, 2], atol=1e-9)
+
+
+@METHODS
+def test_a_kink_in_a_surface_is_on_its_side_after_the_update(method):
+    # After the first firing the second entry is x - 0.23 > 0 up to the end, so that the surface stays positive.
+    surface = sp.Max(sp.Rational(3, 5) + sp.cos(3.2 * t), x - 0.5 + 0.27 * m)
+    once = System({x: -x / 5}, time=t, events=[Event(surface, update={m: m + 1}, name="once")])
+    times = solve(once, (0, 3), {x: 0.51}, method=method).event_times(switch="once")
+    np.testing.assert_allclose(times, [np.arccos(-0.6) / 3.2], atol=1e-8)
+
+
+@METHODS
+@pytest.mark.parametrize("factor", [-1, 3, sp.Rational(1, 2)])
+def test_an_update_that_maps_its_surface_onto_itself_fires_once(factor, method):
+    # x' <= -1 - x/3 + 1/5 < 0 near 0, so that x falls through 0 once: 0 times a factor is 0.
+    rates = {x: -1 - x / 3 + y / 5, y: -y + sp.cos(t) / 2}
+    system = System(rates, time=t, events=[Event(x, direction=-1, update={x: factor * x, n: n + 1})])
+    for x0 in np.linspace(0.6, 1.5, 10):
+        assert solve(system, (0, 3), {x: x0, y: 0.25}, method=method)["n"][-1] == 1
+
+
+def test_a_later_round_reads_switches_of_the_values_after():
+    # x is 0.6 at t = 1; the clock makes it -0.6, and m = 1 fires the second event, which reads sign, Max, floor there.
+    into = {s: sp.sign(x) + 10 * sp.Max(x, 0) + 100 * sp.floor(x)}
+    events = [Event(at=1, update={x: -x, m: 1}), Event(m - sp.Rational(1, 2), update=into)]
+    for read in (0, sp.sign(x) + sp.Max(x, 0) + sp.floor(x), sp.Max(x, 0)):
+        run = solve(System({x: sp.Rational(1, 10), y: read}, events=events), (0, 1.5), {x: 0.5, y: 0})
+        assert run["s"][-1] == -101
+
+
+def test_a_surface_on_which_the_motion_has_rested_is_left_without_firing():
+    # x rises with 1 from 0.25, and pauses for 14 at each 2 pi k; ten pauses end before t = 202.6.
+    stops = Event(sp.sin(x), direction=1, update={pause: 1, c: 0}, name="stop")
+    goes = Event(c - 14, direction=1, update={pause: 0}, name="go")
+    for other in ({}, {y: sp.cos(3 * t) * y}):
+        system = System({x: 1 - pause, c: pause, **other}, time=t, events=[stops, goes])
+        for method in ("taylor", "rk"):
+            run = solve(system, (0, 205), {x: 0.25, c: 0, **dict.fromkeys(other, 1)}, method=method)
+            assert run["x"][-1] == pytest.approx(65.25, abs=1e-8)
+
+
+# ---- after a switch
+
+
+def test_a_switch_of_an_unknown_that_jumps_takes_its_new_side():
+    # a = x - 2 sgn(t - 1) with x = t is positive before 1 and from 2 on.
+    system = System({x: 1, y: sp.Heaviside(a)}, time=t, algebraic=[Algebraic(a, a - x + 2 * sp.sign(t - 1))])
+    assert solve(system, (0, 4), {x: 0, y: 0})["y"][-1] == pytest.approx(3, abs=1e-9)
+
+
+# ---- at a start
+
+
+@METHODS
+def test_a_start_on_a_jump_of_mod_is_on_the_tooth_that_follows(method):
+    # x = -t: Mod(x, 1) is 1 - t, below 1/4 from 0.75 to 1.
+    low = sp.Piecewise((1, sp.Mod(x, 1) < sp.Rational(1, 4)), (0, True))
+    run = solve(System({x: -1, y: low}), (0, 1.5), {x: 0, y: 0}, method=method)
+    assert run["y"][-1] == pytest.approx(0.25, abs=1e-9)
+
+
+@pytest.mark.parametrize("beside", ["stick", "unknown", "contact"])
+def test_a_start_on_the_surface_of_an_event_is_no_event_whatever_is_solved_for_beside(beside):
+    rest = Unilateral(x, name="floor")
+    rates, algebraic = {"stick": ({v: -sp.sign(v)}, []), "unknown": ({v: a}, [Algebraic(a, a + v)]),
+                        "contact": ({x: v, v: -1 + rest.reaction}, [])}[beside]  # fmt: skip
+    system = System({**rates, y: -1}, algebraic=algebraic, events=[Event(y - 1, update={n: n + 1})])
+    assert solve(system, (0, 0.5), {**dict.fromkeys(rates, 0), y: 1})["n"][-1] == 0
+
+
+def test_the_side_of_a_switch_three_levels_deep_is_found_at_a_start():
+    # e = 1 - t > 0.9: the dead zone gives 27 to 30, the saturation 8.
+    e = 1 - q
+    dead = sp.Piecewise((0, sp.Abs(e) < 0.02), (30 * e, True))
+    run = solve(System({q: 1, w: sp.Min(8, dead)}), (0, 0.1), {q: 0, w: 0})
+    assert run["w"][-1] == pytest.approx(0.8, abs=1e-9) and len(run.events) == 0
+    relay = solve(System({q: w, w: sp.sign(dead - 2 * w - 8)}), (0, 0.01), {q: 0, w: 0})
+    assert relay["q"][-1] == pytest.approx(5e-5, abs=1e-9)
