@@ -62,7 +62,8 @@ def solve(
         begins with the outcome IRREVERSIBLE.
     x0 : mapping of state to float, or sequence of float, length n
         Initial value of every state by name or Symbol, or positionally, in the units of the states; memories may be
-        left at their initial value.
+        left at their initial value. A Solution that ends where `t_span` begins is continued: what happens at that
+        instant has happened.
     method : str
         "auto"; event-driven: "taylor", "rk" (Dormand-Prince 8(5,3), the plain alternative), and "stiff" (implicit
         steps, for bristle laws and the like, whose switches are passed and never slid on). "auto" is "taylor", and

@@ -21,7 +21,7 @@ import sympy as sp
 from sympy.core.relational import Relational
 
 from .discs import LiftedDisc
-from .model import Select, Whole, core
+from .model import BOTH, Select, Whole, core
 from .pointwise import factor_between, fingerprint
 from .primitives import Component, Disc, Memory, Reaction, Switch
 
@@ -68,6 +68,9 @@ class Lifting:
         self._symbols: dict[sp.Symbol, sp.Expr] = dict(stand_ins or {})  # a user's symbol -> what stands for it
         self._memo: dict[tuple, sp.Basic] = {}
         self._may_register = True
+        self.at_zero: dict[
+            sp.Symbol, int
+        ] = {}  # multiplier -> its value where its surface stays at 0, as conditions say
         self._given: set[sp.Symbol] = set()
         for switch in user_switches:
             self._given |= self._symbol(switch).free_symbols
@@ -132,8 +135,6 @@ class Lifting:
             return self._product(args)
         if e.is_Pow and args[0].is_negative and not args[1].is_integer:
             # What sympy makes of cos(pi sign(y)): between -1 and 1 it is no power.
-            if (found := self._of_steps(e.func, args, sides)) is not None:
-                return found
             return sp.cos(sp.pi * args[1]) * (-args[0]) ** args[1]
         if (e.is_Pow and not args[1].is_integer) or isinstance(e, _ENDING):
             return self._inside_kinks(e.func, args)
@@ -242,6 +243,7 @@ class Lifting:
         if factors is None:
             return self._choose(h, _const(sp.S.One), _const(-sp.S.One), sides, at_zero=_const(sp.S.Zero))
         result = sp.S.One
+        self._note_at_zero(*factors, 0)
         for surface in factors[1]:
             if isinstance(surface, tuple):
                 orientation, lam = surface
@@ -253,10 +255,17 @@ class Lifting:
     def _of_steps(self, function, args, sides):
         """A function of what jumps between constants, with its value on each side; None for others.
 
-        Between two sides it goes straight: |Piecewise((-1, y < 0), (1, True))| is 1, and not 0 on the way. What the
-        user has given as a Switch stays, and so does another function than Abs, Max and Min where its value jumps.
+        Between two sides it goes straight: |Piecewise((-1, y < 0), (1, True))| is 1, and not 0 on the way. What has a
+        value on the surface stays, a sign or a Switch, and so does another function than Abs, Max and Min where it
+        jumps.
         """
         free = set().union(*(a.free_symbols for a in args))
+        if any(
+            s in self.switches
+            for a in args
+            for s in a.xreplace(dict.fromkeys(a.atoms(Select), sp.S.Zero)).free_symbols
+        ):
+            return None
         steps = sorted(free & self.switches.keys(), key=lambda s: s.name)
         if not steps or free & (self.dynamic | self._given):
             return None
@@ -439,7 +448,8 @@ class Lifting:
     # ---- surfaces
 
     def _choose(self, h, above, below, sides, at_zero=None):
-        """above(sides) where h > 0, below(sides) where h < 0; `at_zero` for what is constant and 0."""
+        """above(sides) where h > 0, below(sides) where h < 0; `at_zero` for what is 0 and stays there."""
+        meant = None if at_zero is None else (at_zero is above) - (at_zero is below)
         at_zero = at_zero or below
         if h.is_number:
             return (above if h > 0 else below if h < 0 else at_zero)(sides)
@@ -458,7 +468,15 @@ class Lifting:
                 return sp.Piecewise((at_zero(sides), sp.Eq(h, 0)), (above(sides), True), evaluate=False)
             return sp.Piecewise((above(sides), h > 0), (below(sides), True), evaluate=False)
         sign, surfaces = factors
+        self._note_at_zero(sign, surfaces, meant)
         return self._by_factors(sign, surfaces, above, below, sides)
+
+    def _note_at_zero(self, sign, surfaces, meant):
+        """Notes which side is meant (1 above, -1 below, 0 neither) where the surface of one switch is 0 and stays."""
+        if meant is not None and self._may_register and len(surfaces) == 1 and isinstance(surfaces[0], tuple):
+            orientation, lam = surfaces[0]
+            side = sign * orientation * meant
+            self.at_zero[lam] = side if self.at_zero.get(lam, side) == side else BOTH
 
     def _by_factors(self, sign, surfaces, above, below, sides):
         if not surfaces:

@@ -52,6 +52,7 @@ class Field:
     typical: tuple[float, ...] = ()  # of the parameters: the size and order that they have
     members: dict[sp.Symbol, tuple[str, int]] = field(default_factory=dict)  # members of families
     sums: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()  # over families that are not written out
+    at_zero: dict[sp.Symbol, int] = field(default_factory=dict)  # of switches, as that of a Multiplier
 
     def expressions(self):
         """All expressions whose symbols must be known."""
@@ -197,7 +198,10 @@ def multipliers(field):
             classes[pattern] = classify(field, index, residual)
         regularity, hidden = classes[pattern]
         second = second_derivative(field, index, residual) if regularity == "crossing" else None
-        result.append(Multiplier(lam, "switch", residual, h, regularity, hidden, second=second))
+        at_zero = field.at_zero.get(lam) if regularity == "crossing" and second is None else None
+        result.append(
+            Multiplier(lam, "switch", residual, h, regularity, hidden, second=second, at_zero=at_zero)
+        )
     kinks = [(m.symbol, m.surface) for m in result if m.regularity == "kink"]
     for index, m in enumerate(result):
         if kinks and m.regularity == "sliding" and not m.hidden:

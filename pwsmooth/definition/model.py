@@ -173,6 +173,9 @@ class Entry(sp.Function):
         return True
 
 
+BOTH = 2  # conditions of one surface that say different things of where it stays at 0, as x > 0 and x >= 0
+
+
 @dataclass(frozen=True)
 class Multiplier:
     """One unknown of the right-hand side that is fixed or solved; see the table above."""
@@ -188,6 +191,9 @@ class Multiplier:
     second: sp.Expr | None = None  # d2h/dt2 of a switch that can slide to second order
     beside: sp.Expr | None = (
         None  # dh/dt, or d2h/dt2 while a kink in h is held from whose dh/dt lambda has gone
+    )
+    at_zero: int | None = (
+        None  # of a switch that is only crossed: its value where h stays at 0, or BOTH; None: any
     )
 
     @property

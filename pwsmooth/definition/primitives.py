@@ -367,12 +367,13 @@ class Event:
     Parameters
     ----------
     surface : Expr, optional
-        h(t, x): the event is a zero of it. Exactly one of `surface`, `every`, `at` is given.
+        h(t, x): the event is a zero of it that the motion comes to; a start on it is none. Exactly one of `surface`,
+        `every`, `at` is given.
         In `System.from_functions` surface(t, x, p), update(t, x, p) and when(t, x, p) are functions.
     every : float or Expr, in units of time, optional
-        The event happens at every, 2*every, ...
+        The event happens at every, 2*every, ..., up to the end of a run and not at its start.
     at : float, Expr or sequence of them, length n, in units of time, optional
-        The instants at which it happens.
+        The instants at which it happens, the start of a run among them, unless that continues a Solution.
     direction : {0, 1, -1}
         Only zeros at which h rises (1) or falls (-1); 0: both.
     update : mapping of (state or memory) to Expr

@@ -123,6 +123,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled,
         parameters=tuple(values),
         memories=tuple(map(plain, memories)),
         switches=tuple(lift.switches.items()),
+        at_zero=lift.at_zero,
         discs=tuple(lift.discs.values()),
         contacts=tuple(
             (plain(R), gap, lift(R.restitution, **_INSTANT)) for R, gap in zip(reactions, gaps, strict=True)
@@ -235,9 +236,18 @@ def _written(key, order, what, beside):
     return Beside(order.index(checks.lookup(base, order, what, "state or memory")), offset, key)
 
 
+def _with_simple_zeros(h):
+    """A surface with the sign of `h` and a slope where odd powers have none: a zero of x**7 is located as that of x."""
+    factors = sp.Mul.make_args(sp.factor_terms(h) if h.is_Add else h)
+    if not any(f.is_Pow and f.exp.is_odd and f.exp > 1 for f in factors):
+        return h
+    simple = [f.base if f.is_Pow and f.exp.is_odd and f.exp > 1 else f for f in factors]
+    return sp.Mul(*(f for f in simple if f.is_number or not f.is_positive))
+
+
 def _events(events, lift, order, moving, beside):
     # All surfaces first: guards and updates then find their switches.
-    surfaces = [None if event.surface is None else lift(event.surface) for event in events]
+    surfaces = [None if event.surface is None else _with_simple_zeros(lift(event.surface)) for event in events]
     specs = []
     for k, (event, surface) in enumerate(zip(events, surfaces, strict=True)):
         name = event.name or f"event {k + 1}"

@@ -140,7 +140,8 @@ class Surface:
 
     def _solve(self, point, coordinate, size):
         """Put h = 0 by one coordinate: a secant for what is affine in it, else bisection."""
-        a, b = point[coordinate], point[coordinate] + size
+        near = a = point[coordinate]
+        b = a + size
         ha, hb = (self._at(point, coordinate, c) for c in (a, b))
         if ha != hb:
             root = a - ha * (b - a) / (hb - ha)
@@ -148,7 +149,11 @@ class Surface:
                 return True
         grid = [size * (-6.02 + 0.5 * i) for i in range(25)]
         values = [self._at(point, coordinate, c) for c in grid]
-        for a, b, ha, hb in zip(grid, grid[1:], values, values[1:], strict=False):
+        # The nearest one first: the far steps of stairs may all be beyond where a quantiser saturates.
+        for a, b, ha, hb in sorted(
+            zip(grid, grid[1:], values, values[1:], strict=False),
+            key=lambda part: abs(part[0] + part[1] - 2 * near),
+        ):
             if ha * hb < 0:
                 for _ in range(60):
                     middle = (a + b) / 2

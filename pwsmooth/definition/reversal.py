@@ -39,7 +39,7 @@ def backward(field, parameters):
                 f"`t_span` decreases, but the system has the drive {event.tables[0].name!r}, which is followed forward "
                 "only; integrate forward."
             )
-        events.append(_undone(field, event, mirror, ends))
+        events += _undone(field, event, mirror, ends)
     reversed_field = field.map(mirror)
     rates = tuple(-mirror(e) for e in field.rates)
     return replace(reversed_field, rates=rates, contacts=tuple(contacts), events=tuple(events)), frozenset(ends)
@@ -49,8 +49,13 @@ def _mirror(time):
     return lambda e: e.xreplace({time: -time})
 
 
+def passed(name):
+    """Name of what tells that the surface of an event, which its update moves, is passed where the event would act."""
+    return f"{name}, passed"
+
+
 def _undone(field, event, mirror, ends):
-    """The event that undoes `event`; one that cannot be undone ends the run, and its name is added to `ends`."""
+    """What undoes `event`; one that cannot be undone ends the run, and its name is added to `ends`."""
     order = (*field.states, *field.memories)
     written = dict((order[i], e) for i, e in event.update)
     inverse = _inverse(written)
@@ -67,11 +72,10 @@ def _undone(field, event, mirror, ends):
     if event.surface is None:
         when = event.when if event.name in ends else before(event.when)
         update = tuple((order.index(x), mirror(e)) for x, e in inverse.items())
-        return replace(event, when=mirror(when), update=update, **instants)
+        return [replace(event, when=mirror(when), update=update, **instants)]
+    there = replace(event, surface=mirror(event.surface), direction=-event.direction, update=())
     if event.name in ends:
-        return replace(
-            event, surface=mirror(event.surface), direction=-event.direction, when=sp.true, update=()
-        )
+        return [replace(there, when=sp.true)]
     surface, when = before(event.surface), before(event.when)
     direction = -event.direction
     if inverse and direction:
@@ -79,7 +83,12 @@ def _undone(field, event, mirror, ends):
         rate = _by_sides(total_derivative(event.surface, field.time, field.states, field.rates), field)
         when = sp.And(when, before(event.direction * rate) > 0)
     update = tuple((order.index(x), mirror(e)) for x, e in inverse.items())
-    return replace(event, surface=mirror(surface), direction=direction, when=mirror(when), update=update)
+    undone = replace(event, surface=mirror(surface), direction=direction, when=mirror(when), update=update)
+    if sp.expand(surface - event.surface) == 0:
+        return [undone]
+    # Between its images the motion must not come to its surface: forward the event would act there.
+    ends.add(passed(event.name))
+    return [undone, replace(there, name=passed(event.name), when=mirror(event.when), terminal=False)]
 
 
 def _inverse(written):

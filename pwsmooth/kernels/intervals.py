@@ -86,7 +86,7 @@ def time_left(last):
     # Without one ratio, as around a corner with unequal quarters, or where a latch changes the rates at each event,
     # those of pairs tell.
     pair = q * last[3]
-    if pair < 0.99 and abs(q - last[4]) <= 0.02 * q and abs(last[3] - last[5]) <= 0.02 * last[3]:
+    if 0.0 < pair < 0.99 and abs(q - last[4]) <= 0.02 * q and abs(last[3] - last[5]) <= 0.02 * last[3]:
         return (interval + interval / q) * pair / (1.0 - pair)
     return math.inf
 

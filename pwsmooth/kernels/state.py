@@ -6,6 +6,9 @@ from .machine.block import Bundle
 # is lambda . lambda while it sticks and 1 while it slips; its components follow it.
 SLIDING, KINK, CROSSING, SECOND_ORDER, DISC, CONTACT, ALGEBRAIC, COMPONENT = range(8)
 
+# In `at_zero` beside a value: conditions say different things, as definition/model.py; none says anything.
+BOTH, ANY = 2, 3
+
 # Status of a multiplier: +1 or -1 fixed (a contact: +1 open), SOLVED, or HELD with what it has: another one keeps its
 # surface at 0, or an accumulation has left it there.
 SOLVED, HELD = 0, 2
@@ -43,7 +46,8 @@ SOLVED, HELD = 0, 2
     AMB_NEAR_MISS,
     AMB_INDETERMINATE,
     AMB_FORCES,
-) = range(14)
+    AMB_AT_ZERO,
+) = range(15)
 
 # Kinds of step: the jet with all multipliers fixed, or some solved; the Runge-Kutta pair; an arc by a fold; the first
 # one of a slip in a disc, and its last moments.
@@ -130,6 +134,7 @@ class Problem(Bundle):
     dh_row: "i8[m + ne + 1]"  # rows of the sparse gradients of the surfaces
     dh_col: "i8[:]"
     nested: "i8[m + ne]"  # another multiplier stands in the surface, which jumps when that one switches
+    at_zero: "i8[m]"  # of a switch that is only crossed: its value where its surface stays at 0, BOTH, or ANY
     surface_state: "i8[m]"  # index of the state that is the surface, or -1
     holder: "i8[n]"  # the multiplier that keeps a state at 0 while it is solved for, or -1
     direction: "i8[ne]"

@@ -123,13 +123,16 @@ def begin(P, C, S, R, W):
         code = _settle_again(P, C, S, R, W)
         S.events, S.points, S.taped = 0, 0, 0  # what holds from the start is no event
         record_point(P, S, R)
+    if code == GO_ON and S.ticks < len(C.clock) and C.clock[S.ticks] <= S.t:
+        W.meeting.tau[:] = NO_ROOT
+        code = _settle_again(P, C, S, R, W, 1)  # an event of time at the start
     return code
 
 
 @kernel
-def _settle_again(P, C, S, R, W):
-    """An instant at which nothing is met but what W.meeting.tau says; a code."""
-    W.instant.fold, W.instant.way, W.instant.at_clock = -1, 0, 0
+def _settle_again(P, C, S, R, W, at_clock=0):
+    """An instant at which nothing is met but what W.meeting.tau and the clock say; a code."""
+    W.instant.fold, W.instant.way, W.instant.at_clock = -1, 0, at_clock
     W.instant.met, W.step.length, W.instant.elapsed = 0.0, 0.0, 0.0
     return call_unit(P.instant_unit, P, C, S, R, W)
 

@@ -12,11 +12,14 @@ from typing import Any
 import numpy as np
 
 from ..definition.model import Model
+from ..definition.pointwise import holds, value
+from ..definition.reversal import passed
 from ..results import outputs
 from ..results.records import EventRecord, Outcome
 from ..results.solution import Solution
 from . import event_driven
 from .call import Call
+from .clock import given_for
 
 # Kinds of events that leave no trace of what came before them.
 _FORGETFUL = {
@@ -27,6 +30,7 @@ _FORGETFUL = {
 _SLIDES = {"repelling sliding": "stick", "grazing": "slip by tangency"}
 # Of the larger rate of a surface on its sides: a crossing that steep may be the end of a slide, told to rounding.
 _STEEP = 1e-4
+_ROUNDING = 1e-13  # of states and of time: on a surface
 
 
 def why_not(model: Model, call: Call) -> str:
@@ -64,13 +68,17 @@ def run(call: Call) -> Solution:
     if any(event.every is not None or event.at for event in mirrored.model.events):
         # Forward the instant at which a run begins is not part of it, the one at which it ends is.
         span = tuple(s - 8 * np.spacing(abs(s)) for s in span)
+        if given_for(mirrored.model, mirrored.parameters, exact[1]) is not None:
+            span = span[0], exact[1] + 8 * np.spacing(abs(exact[1]))  # ... but for one that is given
     shifted = list(zip(span, exact))
     times: Any = None if call.times is None else np.sort(-call.times)
     for s, wanted in shifted if times is not None else ():
         times[times == wanted] = s
 
+    given = mirrored.initial_state(call.start, span[0])
+    undone, start = _undo_at_once(mirrored, given, span[0])
+
     def forward(span: Any, times: Any) -> Solution:
-        start = mirrored.initial_state(call.start, span[0])
         return event_driven.run(call.changed(system=mirrored, span=span, start=start, times=times))
 
     whole = forward(span, None)
@@ -89,6 +97,16 @@ def run(call: Call) -> Solution:
         through = -whole.course[0][::-1], whole.course[1][:, ::-1]
     events = [e for e in whole.events if end is None or e.time < end.time] + ([] if end is None else [end])
     t = whole.t[kept][::-1].copy()
+    if end is None and events and events[-1].kind == "reset" and len(t) > 1 and t[0] == t[1] == whole.t[-1]:
+        # Forward a start on the surface of an event is none.
+        if any(e.name == events[-1].switch and e.surface is not None for e in mirrored.model.events):
+            t, x, mult, status, events = t[1:], x[:, 1:], mult[:, 1:], status[:, 1:], events[:-1]
+    if undone is not None and times is None:
+        t = np.append(t, t[-1])
+        x = np.column_stack([x, given])
+        mult, status = (np.column_stack([part, part[:, -1]]) for part in (mult, status))
+    if undone is not None:
+        events = [undone, *events]
     for s, wanted in shifted:
         t[t == s] = wanted
     return Solution(
@@ -96,6 +114,35 @@ def run(call: Call) -> Solution:
         whole.outcome if end is None else Outcome.IRREVERSIBLE, whole.cost, whole.tolerances, [], system.parameters,
         through, backward=True,
     )  # fmt: skip
+
+
+def _undo_at_once(mirrored: Any, given: Any, at: float) -> tuple[EventRecord | None, Any]:
+    """The event that has just happened in the given state, if there is one, and the state before it.
+
+    A run forward that ends on the surface of an event ends with the state behind it.
+    """
+    model, order = mirrored.model, mirrored.model.states
+    point = dict(zip(order, given, strict=True)) | dict(mirrored.parameters) | {model.time: at}
+    for mu in model.multipliers:
+        if mu.surface is not None:
+            point[mu.symbol] = 1.0 if value(mu.surface, point) >= 0.0 else -1.0
+    for event in model.events:
+        if event.surface is None or event.singular or not event.update:
+            continue
+        slopes = [
+            (value(event.surface.diff(x), point), x, rate) for x, rate in zip(order, model.rhs, strict=True)
+        ]
+        near = sum(
+            abs(slope) * (_ROUNDING * abs(point[x]) + _ROUNDING * (1 + abs(at)) * abs(value(rate, point)))
+            for slope, x, rate in slopes
+            if slope != 0.0
+        )
+        if abs(value(event.surface, point)) <= near and holds(event.when, point):
+            before = list(given)
+            for k, e in event.update:
+                before[k] = value(e, point)
+            return EventRecord(at, event.name, "reset"), before
+    return None, given
 
 
 def _forward(event: EventRecord) -> EventRecord:
@@ -113,6 +160,11 @@ def where_it_ends(run: Solution, mirrored: Any, ends: frozenset[str]) -> EventRe
     if rests:
         return EventRecord(float(run.t[0]), rests[0], "stick")
     found = [e for e in run.events if e.kind in _FORGETFUL or (e.switch in ends and e.kind != "crossing")]
+    at = [(passed(e.switch), e.time) for e in run.events]
+    moment = 1e-12 * (
+        1.0 + abs(run.t[0]) + abs(run.t[-1])
+    )  # an event that is undone puts the state on its surface
+    found = [e for e in found if not any(e.switch == name and abs(e.time - t) <= moment for name, t in at)]
     found += [EventRecord(a.time, a.switch, _SLIDES.get(a.kind, a.kind)) for a in run.ambiguities]
     found += _steep_crossings(run, model)
     return min(found, key=lambda e: e.time, default=None)

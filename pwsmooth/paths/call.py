@@ -64,6 +64,7 @@ class Call:
     threads: int | None = None
     span: tuple[float, float] = (0.0, 1.0)
     start: Any = ()  # values in the order of the system's states
+    continues: bool = False  # whether the start is the end of another run, at whose instants all has acted
     times: np.ndarray | None = None  # wanted ones
     within: Budget | None = None  # which it draws from, in the place of its own
     kept: Any = None  # what a path finds again in the next call through an inner entrance, by thread
@@ -170,9 +171,28 @@ def checked(system: Any, t_span: Any, x0: Any, *, t_eval: Any, parameters: Any, 
     call = without_start(system, **how)
     t0, t1 = span = checks.span(t_span, backward=True)
     # Backward the mirrored system asks for where drives and controls are.
+    continues = isinstance(x0, Solution)
+    if continues:
+        x0 = _end_of(x0, call.system, t0)
     start = call.system.initial_state(x0, t0 if t0 < t1 else None)
-    call.__dict__.update(span=span, start=start, times=checks.wanted_times(t_eval, t0, t1))
+    call.__dict__.update(span=span, start=start, times=checks.wanted_times(t_eval, t0, t1), continues=continues)
     return call
+
+
+def _end_of(before: Solution, system: Any, t0: float) -> np.ndarray:
+    """The state at which the run ended that this one continues."""
+    end = float(before.t[-1]) if len(before.t) else math.nan
+    if not abs(end - t0) <= 4 * np.spacing(abs(t0)):
+        raise ValueError(
+            f"`x0` is a Solution that ends at t = {end:g}, and `t_span` begins at {t0:g}; begin where it ends, or give "
+            "a state, such as solution.x[:, -1]."
+        )
+    if before.x.shape[0] != len(system.model.states):
+        raise ValueError(
+            f"`x0` is a Solution with {before.x.shape[0]} states, but the system has {len(system.model.states)}; give "
+            "the solution of a system with these states, or a state."
+        )
+    return before.x[:, -1]
 
 
 def without_start(system: Any, *, atol: Any, noise: Any, with_respect_to: Any, record: Any, **how: Any) -> Call:

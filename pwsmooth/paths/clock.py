@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import sympy as sp
 
-from ..definition.model import Model, Table
+from ..definition.model import EventSpec, Model, Table
 from ..definition.pointwise import value
 from .budget import MOST_STEPS
 
@@ -60,6 +60,32 @@ def periodic_switches(model: Model) -> dict[sp.Symbol, Periodic]:
     return found
 
 
+def _is_at(when: np.ndarray, t0: float) -> np.ndarray:
+    return np.abs(when - t0) <= _ROUNDINGS * np.spacing(abs(t0))
+
+
+def _acts_at_start(event: EventSpec) -> bool:
+    """Whether an instant of this event that is the start of a run belongs to it: not of drives and controls."""
+    return bool(event.at) and not event.tables and event.recorded
+
+
+def given_for(model: Model, values: Mapping[sp.Symbol, float], t0: float) -> str | None:
+    """An event among whose given instants t0 is, or None."""
+    for event in model.events:
+        if _acts_at_start(event) and _is_at(np.array([value(at, values) for at in event.at]), t0).any():
+            return event.name
+    return None
+
+
+def require_none_at_start(model: Model, values: Mapping[sp.Symbol, float], t0: float, what: str) -> None:
+    """Refuses an event that is given for the start of a run, for `what` begins behind it."""
+    if (name := given_for(model, values, t0)) is not None:
+        raise ValueError(
+            f"event {name!r} happens at the start t = {t0:g} of the run, where {what} lets none act; give the state "
+            "behind it as `x0`, and leave this instant out of `at`."
+        )
+
+
 def _up_to(when: np.ndarray, t1: float) -> np.ndarray:
     """Those of sorted instants that are not behind t1 but for a rounding."""
     return np.minimum(when[when <= t1 + _ROUNDINGS * np.spacing(abs(t1))], t1)
@@ -72,8 +98,11 @@ def instants_of_time(
     t1: float,
     most: int,
     switches: Sequence[tuple[Periodic, np.ndarray]] = (),
+    begins: bool = False,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Sorted instants of the time events in (t0, t1], and the event of each; of each event the first `most`.
+
+    Where a run `begins` at t0 and continues no other, instants that are given (`at`) may be t0 itself.
 
     Behind the events the multipliers of `switches` are owners as well; last their sides at t0, with 0 for others.
     """
@@ -90,6 +119,9 @@ def instants_of_time(
     for i, event in enumerate(model.events):
         when = np.array([value(at, values) for at in event.at if not isinstance(at, Table)])
         begin = t0
+        if begins and _acts_at_start(event):
+            when[_is_at(when, t0)] = t0
+            begin = np.nextafter(t0, -np.inf)
         for table in event.tables:
             table.check(t0, t1)
             when = table.instants

@@ -79,7 +79,9 @@ def run(call: Call, within: Budget | None = None) -> Solution:
         system = kicks.system
     ready = _ready(system.model, call)
     p = np.array(system.parameter_values, float)
-    return ready.solve(system, p, t0, t1, call.start, call.times, within or call.budget(), kicks)
+    return ready.solve(
+        system, p, t0, t1, call.start, call.times, within or call.budget(), kicks, call.continues
+    )
 
 
 def _ready(model: Model, call: Call) -> EventDriven:
@@ -218,10 +220,12 @@ class EventDriven:
         state.last[:, 0] = t0
         return state
 
-    def timed(self, t0: float, t1: float, values: Mapping[sp.Symbol, float]) -> Any:
-        """The kernel's Control for a span."""
+    def timed(self, t0: float, t1: float, values: Mapping[sp.Symbol, float], continues: bool = False) -> Any:
+        """The kernel's Control for a span, which may continue a run that ended at t0."""
         if self.clocked:
-            clock, which, sides = instants_of_time(self.model, values, t0, t1, self.max_steps, self.periodic)
+            clock, which, sides = instants_of_time(
+                self.model, values, t0, t1, self.max_steps, self.periodic, not continues
+            )
             return names.Control(
                 **self.limits | {"t_end": t1}, clock=clock, clock_event=which, clock_side=sides
             )
@@ -230,7 +234,7 @@ class EventDriven:
 
     def solve(
         self, system: Any, p: np.ndarray, t0: float, t1: float, start: Any, times: Any, spending: Budget,
-        kicks: Any = None,
+        kicks: Any = None, continues: bool = False,
     ):  # fmt: skip
         """The Solution of one run: the kernel runs to its end, its buffers emptied as they fill.
 
@@ -239,7 +243,7 @@ class EventDriven:
         problem = self.parts.problem(p, self.one_step)
         if kicks is not None:
             problem = kicks.problem(problem)
-        control, state = self.timed(t0, t1, system.parameters), self.begin(t0, t1, start)
+        control, state = self.timed(t0, t1, system.parameters, continues), self.begin(t0, t1, start)
         advance = self.advance(problem, control, state)
         more = functools.partial(self.larger, state, t0, t1)
         code, record = self.advanced(advance, more, control, state, self.first_record(times), spending)

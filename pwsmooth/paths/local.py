@@ -223,6 +223,7 @@ class _Run:
             s_fixed=np.cumsum([0, *~own])[:-1], s_blocks=np.cumsum([0, *own])[:-1], s_own=own.astype(np.int64),
             s_first=np.array(first, np.int64), fixed_m=self.fixed_m, blocks_m=self.blocks_m,
             kind=self.parts.kind[of_m], hidden=fixed["hidden"][of_m], slope_moves=fixed["slope_moves"][of_m],
+            at_zero=fixed["at_zero"][of_m],
             nested=fixed["nested"][np.concatenate([of_m, len(self.parts.kind) + of_e])],
             surface_state=_blocks(fixed["surface_state"][of_m]),
             g_first=g_first, g_block=g_block, link_first=link_first, link_block=link_block,

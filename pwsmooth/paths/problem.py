@@ -110,6 +110,9 @@ class CompiledProblem:
             holder=holder,
             contact=np.flatnonzero(self.kind == state.CONTACT),
             slope_moves=self._numbers("multipliers", [_slope_moves(mu, fixed) for mu in multipliers]),
+            at_zero=self._numbers(
+                "multipliers", [state.ANY if mu.at_zero is None else mu.at_zero for mu in multipliers]
+            ),
             nested=np.concatenate(
                 [
                     self._numbers("multipliers", [_nested(mu, lams) for mu in multipliers]),

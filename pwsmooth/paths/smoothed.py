@@ -18,6 +18,7 @@ from ..door import calls
 from ..results.records import CONFLICTING_UPDATES, Ambiguity, EventRecord, Outcome, StepPolynomials, places
 from ..results.solution import Solution
 from .call import Call, Options, is_smoothed
+from .clock import require_none_at_start
 from .words import singular_cause, singular_record
 
 
@@ -93,6 +94,8 @@ def run(call: Call) -> Solution:
     kicks, method, times, (t0, t1) = call.random, call.options.method, call.times, call.span
     system = call.system if kicks is None else kicks.system
     model, values = system.model, system.parameters
+    if not call.continues:
+        require_none_at_start(model, values, t0, "a smoothed view")
     start, p = np.array(call.start), np.array(system.parameter_values, float)
     rtol, atol = min(call.options.rtol, stiff.LOOSEST_RTOL), call.options.absolute(model)
     dense = call.options.dense or call.wanted is not None  # derivatives go along the steps' polynomials

@@ -23,6 +23,7 @@ from ..results.records import course
 from ..results.solution import Solution
 from .budget import Budget
 from .call import Call
+from .clock import require_none_at_start
 from .event_driven import LOOSEST, prepared_run
 from .smoothed import explicit_alone, of_event, own
 
@@ -153,13 +154,15 @@ def run(call: Call) -> Solution:
     """The Solution of a system whose switches never slide."""
     system, start, times, options = call.system, np.array(call.start), call.times, call.options
     model, p = system.model, np.array(system.parameter_values, float)
+    if not call.continues:
+        require_none_at_start(model, system.parameters, call.span[0], "method='stiff'")
     n, m = len(model.states), len(model.multipliers)
     view = switched_by_events(model)
     rtol, atol = min(options.rtol, LOOSEST), options.absolute(model)
     dense = options.dense or call.wanted is not None  # derivatives go along the steps' polynomials
     # The event-driven kernels decide the side of a start on a surface: they know all its derivatives.
     first_step = options._replace(method="auto", dense=False, max_steps=1)
-    begun = prepared_run(model, first_step).solve(system, p, *call.span, start, None, Budget())
+    begun = prepared_run(model, first_step).solve(system, p, *call.span, start, None, Budget(), continues=True)
     moved = np.flatnonzero(begun.t > call.span[0])
     if not moved.size:
         return begun  # it stopped where it began, and says why

@@ -109,6 +109,10 @@ def ambiguities_in_words(model: Model, times: np.ndarray, records: np.ndarray) -
             "multipliers not unique",
             ("the largest as small as it can be", "others of the same sum"),
         ),
+        names.AMB_AT_ZERO: (
+            "rest on the border of a condition",
+            ("as on the side from which it comes", "as the condition says of 0"),
+        ),
         names.AMB_NEAR_MISS: ("near miss", ("stick", "slip on, as every motion beside this one")),
     }
     found = []

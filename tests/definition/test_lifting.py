@@ -243,8 +243,8 @@ def test_conditions_of_nested_functions_may_stand_at_instants():
     "steps",
     [
         sp.Abs(sp.Piecewise((-1, x < 0), (1, True))),
-        sp.Max(sp.Abs(sp.sign(x)), sp.Rational(1, 2)),
-        sp.cos(sp.pi * sp.sign(x)) + 2,
+        sp.Max(sp.Abs(sp.Piecewise((-1, x < 0), (1, True))), sp.Rational(1, 2)),
+        sp.cos(sp.Piecewise((-sp.pi, x < 0), (sp.pi, True))) + 2,
         sp.Abs(sp.Heaviside(x) - sp.Heaviside(-x)),
     ],
 )
@@ -253,9 +253,11 @@ def test_a_function_of_steps_that_is_the_same_on_both_sides_does_not_switch(step
     assert lift(steps)[0] == 1
 
 
-def test_what_is_written_as_a_switch_or_as_a_product_stays_hidden():
+def test_what_has_a_value_on_the_surface_or_is_a_product_stays_hidden():
+    # sign(v) is 0 at v = 0, and so is its absolute value.
     lam = Switch("lam", v)
-    assert lift(sp.Abs(lam), lam)[0].free_symbols and lift(sp.sign(v) ** 2)[0].free_symbols
+    assert lift(sp.Abs(lam), lam)[0].free_symbols
+    assert lift(sp.sign(v) ** 2)[0].free_symbols and lift(sp.Abs(sp.sign(v)))[0].free_symbols
 
 
 # ---- refusals

@@ -156,3 +156,39 @@ def test_the_last_instant_is_among_the_wanted_times():
 def test_what_has_no_reverse_is_refused(make, said):
     with pytest.raises(ValueError, match=said):
         make()
+
+
+# ---- what is returned leads forward to the start
+
+
+def test_a_past_that_passes_where_an_event_would_have_acted_is_none():
+    # The relay moves its own threshold: between its switchings the motion backward comes to where it would switch.
+    x, v = sp.symbols("x v", real=True)
+    q, m = Memory("q", 1), Memory("m", 1)
+    relay = System({x: v, v: -v - x + m}, events=[Event(x - q, update={m: -m, q: -q})])
+    end = solve(relay, (0, 5), {x: 0, v: 1}).x[:, -1]
+    back = solve(relay, (5, 0), end)
+    if back.success:
+        np.testing.assert_allclose(solve(relay, (0, 5), back.x[:, 0]).x[:, -1], end, atol=1e-6)
+    else:
+        assert back.outcome.name == "IRREVERSIBLE"
+
+
+def test_the_event_with_which_a_run_ends_is_undone_first():
+    # x' = v from 0.5 reaches 1 (v -> -1), then 0 at t = 1.5, where the terminal event makes v = 1.
+    x, v = sp.symbols("x v", real=True)
+    ends = [Event(x - 1, update={v: -v}, name="top"), Event(x, update={v: -v}, terminal=True, name="floor")]
+    walk = System({x: v, v: 0}, events=ends)
+    there = solve(walk, (0, 9), {x: 0.5, v: 1})
+    back = solve(walk, (there.t[-1], 0), there.x[:, -1])
+    np.testing.assert_allclose(back.x[:, 0], [0.5, 1], atol=1e-9)
+    np.testing.assert_allclose(back.x[:, -1], [0, 1], atol=1e-12)
+    assert [e.switch for e in back.events] == ["top", "floor"]
+
+
+def test_a_past_that_begins_on_the_surface_of_an_event_begins_behind_it():
+    # Forward a start on a surface is no event: from (1, -1) x falls to 0.5 within 0.5, and so it does backward.
+    x, v = sp.symbols("x v", real=True)
+    walk = System({x: v, v: 0}, events=[Event(x - 1, update={v: -v}, name="top")])
+    back = solve(walk, (0.5, 0), {x: 0.5, v: -1})
+    np.testing.assert_allclose(back.x[:, 0], [1, -1], atol=1e-9)

@@ -122,3 +122,40 @@ def test_derivatives_pass_jumps_that_are_known():
             solve(system, (0, 3.1), {x: 0}, parameters={p: values[p] + e}, rtol=1e-12)["x"][-1] for e in (-h, h)
         ]
         assert run.derivatives.end[0, j] == pytest.approx((ends[1] - ends[0]) / (2 * h), abs=1e-6)
+
+
+# ---- at the start of a run
+
+
+def test_instants_that_are_given_act_at_a_start():
+    # Doses of 100 at 0, 12 and 24 that decay as exp(-t/10); so also from t = 12 on, and by a guard that holds there.
+    want = 100 * np.exp([-3, -1.8, -0.6])
+    dosed = System({x: -x / 10}, events=[Event(at=[0, 12, 24], update={x: x + 100}, name="dose")])
+    struck = System({x: -x / 10 + sum(100 * sp.DiracDelta(t - k) for k in (0, 12, 24))}, time=t)
+    for system in (dosed, struck):
+        for method in ("auto", "rk"):
+            run = solve(system, (0, 30), {x: 0}, method=method, t_eval=[0, 30])
+            np.testing.assert_allclose(run["x"], [100, want.sum()], rtol=1e-9)
+        assert solve(system, (12, 30), {x: 0})["x"][-1] == pytest.approx(want[1:].sum(), rel=1e-9)
+        derived = solve(system, (0, 30), {x: 1}, with_respect_to=["x"])
+        assert derived.derivatives.end[0, 0] == pytest.approx(np.exp(-3), rel=1e-9)
+    assert solve(dosed, (0, 30), {x: 0}).event_times(switch="dose").tolist() == [0, 12, 24]
+    with pytest.raises(ValueError, match="event 'dose' happens at the start t = 0.*leave this instant out"):
+        solve(dosed, (0, 30), {x: 0}, method="stiff")
+
+
+def test_a_solution_is_continued_behind_what_happened_at_its_end():
+    dosed = System({x: -x / 10, y: 1}, events=[Event(at=[0, 12, 24], update={x: x + 100, n: n + 1})])
+    whole = solve(dosed, (0, 30), {x: 0, y: 0})
+    parts = solve(dosed, (0, 12), {x: 0, y: 0})
+    parts = solve(dosed, (12, 30), parts)
+    np.testing.assert_allclose(parts.x[:, -1], whole.x[:, -1], rtol=1e-12)
+    assert parts["n"][-1] == 3
+    with pytest.raises(ValueError, match="ends at t = 30, and `t_span` begins at 12"):
+        solve(dosed, (12, 40), parts)
+
+
+def test_a_past_undoes_what_is_given_for_its_beginning():
+    dosed = System({x: -x / 10}, events=[Event(at=[0, 12], update={x: x + 100})])
+    later = solve(dosed, (0, 20), {x: 7}).x[:, -1]
+    assert solve(dosed, (20, 0), later).x[0, 0] == pytest.approx(7, abs=1e-6)

@@ -15,6 +15,7 @@ from ..machine.pointers import call_layer_unit
 from ..outcome import Outcome
 from ..state import (
     AMB_CHATTERING,
+    ANY,
     COMPONENT,
     DISC,
     EV_ACCUMULATION,
@@ -88,6 +89,7 @@ from .surface_rates import (
     evaluate_surfaces,
     leading_order,
     rests_along,
+    stays_at_zero,
     stop_normal_speed,
 )
 
@@ -221,6 +223,24 @@ def _look_at_arcs(P, C, S, W, j):
 
 
 @kernel
+def _is_flat(P, C, S, W, j):
+    """Whether surface j is 0 and stays there, as that of Max(1 - t, 0) from t = 1 on."""
+    evaluate_surfaces(P, S, W)
+    return W.h[j] == 0.0 and abs(leading_order(P, C, S, W, j)) == 4
+
+
+@kernel
+def _rests_at_zero(P, S, R, j):
+    """Switch j stays on its surface; records what becomes of it. False where its side is any."""
+    came = S.status[j]
+    if not stays_at_zero(P, S, R, j):
+        return False
+    if S.status[j] != came:
+        record_event(S, R, j, EV_RESET, came, S.status[j] if S.status[j] != HELD else 0)
+    return True
+
+
+@kernel
 def _settle_switches(P, C, S, R, W, fold, fold_way):
     """Every switch that is met leaves its bound, crosses or slides; a code, and whether one has changed."""
     instant = W.instant
@@ -267,7 +287,13 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
             if jumped:
                 if P.step_unit != 0:
                     step_inside(P, S, j, W)
-                went = 1 if leading_order(P, C, S, W, j) > 0 else -1
+                order = leading_order(P, C, S, W, j)
+                went = 1 if order > 0 else -1
+                if abs(order) == 4 and _rests_at_zero(P, S, R, j):
+                    continue
+            elif P.nested[j] != 0 and P.at_zero[j] != ANY and _is_flat(P, C, S, W, j):
+                if _rests_at_zero(P, S, R, j):
+                    continue
             if went != status[j]:
                 record_event(S, R, j, EV_CROSSING, status[j], went)
             status[j] = went

@@ -25,7 +25,14 @@ from .contacts import UNCHANGED, close_at_start, outcome_of
 from .discs import settle_discs
 from .resting import stay_at_rest
 from .settling import settle_at_rest
-from .surface_rates import any_is, approach_speed, evaluate_surfaces, leading_order, order_of_leaving
+from .surface_rates import (
+    any_is,
+    approach_speed,
+    evaluate_surfaces,
+    leading_order,
+    order_of_leaving,
+    stays_at_zero,
+)
 
 
 @kernel
@@ -105,9 +112,10 @@ def start(P, C, S, R, W):
             size += 1
         elif not any_is(P, S, SOLVED):
             order, side = leading_order(P, C, S, W, j), status[j]
-            status[j] = 1 if order > 0 else -1
-            mult[j] = float(status[j])
-            S.deflate[j] = abs(order)
+            if abs(order) < 4 or not stays_at_zero(P, S, R, j):
+                status[j] = 1 if order > 0 else -1
+                mult[j] = float(status[j])
+                S.deflate[j] = abs(order)
             if status[j] != side:
                 _look_at_nested(P, C, S, W)
     code = settle_at_rest(P, C, S, R, W, size) if size > 0 else GO_ON

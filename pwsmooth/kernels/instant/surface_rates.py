@@ -6,7 +6,8 @@ Chain: pointers.py, sliding.py -> **this file** -> holding.py and all that acts 
 from ..intervals import pace
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.pointers import call_act, call_fields, call_linear
-from ..state import CROSSING, DISC, HELD, KINK, SECOND_ORDER, SLIDING, SOLVED
+from ..state import AMB_AT_ZERO, ANY, BOTH, CROSSING, DISC, HELD, KINK, SECOND_ORDER, SLIDING, SOLVED
+from ..step.recording import record_ambiguity
 from ..step.steps import take_jet, take_slip_jet
 from ..surface.sliding import follow, keep_on_surface, mask_instant, mask_solved, surface_rounding
 
@@ -153,6 +154,22 @@ def order_of_leaving(P, C, S, W, j):
         if abs(row[k]) * power > 1e-9 * size:
             return k if row[k] > 0.0 else -k
     return 0
+
+
+@kernel
+def stays_at_zero(P, S, R, j):
+    """Switch j stands on its surface and stays there: its multiplier is what conditions say of 0. False where none does.
+
+    What says nothing, or different things, keeps its side; an ambiguity tells of the latter.
+    """
+    at = P.at_zero[j]
+    if at == ANY:
+        return False
+    if at == BOTH or (at == 0 and P.jet_general == 0):
+        record_ambiguity(S, R, j, AMB_AT_ZERO, 0)
+        return False
+    S.status[j], S.mult[j] = at if at != 0 else HELD, float(at)
+    return True
 
 
 @kernel

@@ -96,7 +96,7 @@ def shape(A, P, C, W):
         for k in range(M if E.s_own[b] else 1):
             j = number_of(E, b, M, k)
             P.kind[j], P.hidden[j] = E.kind[b], E.hidden[b]
-            P.slope_moves[j] = E.slope_moves[b]
+            P.slope_moves[j], P.at_zero[j] = E.slope_moves[b], E.at_zero[b]
             P.surface_state[j] = E.surface_state[b] * places + k if E.surface_state[b] >= 0 else -1
             P.g_row[j], P.link_row[j] = at_g, at_link
             for e in range(E.g_first[b], E.g_first[b + 1]):

@@ -42,6 +42,7 @@ class Kind(Bundle):
     kind: "i8[nm]"
     hidden: "i8[nm]"
     slope_moves: "i8[nm]"
+    at_zero: "i8[nm]"
     nested: "i8[nm + ne]"
     surface_state: "i8[nm]"
     g_first: "i8[nm + 1]"

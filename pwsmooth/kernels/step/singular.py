@@ -163,6 +163,9 @@ def _arrived(P, S, R, W, i):
     S.deflate[:] = 0
     S.stalled = 0
     passes = P.watch[i] == CONE or (stands == 1 and P.watch_state[i] >= 0)
+    j = abs(P.twin[i]) - 1
+    if passes and j >= 0 and P.kind[j] == CROSSING and abs(S.status[j]) == 1 and abs(P.at_zero[j]) == 1:
+        S.status[j], S.mult[j] = P.at_zero[j], float(P.at_zero[j])  # what conditions say of 0
     if P.watch[i] != CONE:
         record_event(S, R, P.m + i, EV_REST if passes else EV_SINGULAR, P.watch[i], stands)
     record_point(P, S, R)

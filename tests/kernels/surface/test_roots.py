@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Switch, System
+from pwsmooth import Event, Switch, System, solve
 from pwsmooth.codegen.machine.units import unit_address
 from pwsmooth.paths.problem import compiled_problem
 
@@ -100,3 +100,19 @@ def test_the_first_zero_of_a_long_wave_is_found_wherever_it_is_expected(first_ro
         for hint in (0.0, expected, rng.uniform(0, 1), 1e-9, 1 - 1e-9):
             assert first_root(a, hint) == pytest.approx(expected, abs=cut)
     assert found > 250
+
+
+@pytest.mark.parametrize("method", ["auto", "rk"])
+def test_an_event_on_an_odd_power_is_located_as_its_base(method):
+    # cos t changes its sign at pi/2 and 3 pi/2, with falling and rising powers.
+    x, v = sp.symbols("x v", real=True)
+    for surface, direction, times in (
+        (x**7, 0, [0.5, 1.5]),
+        (x**9, -1, [0.5]),
+        (-3 * x**5 - 2 * x**7, 1, [0.5]),
+        (x**3 * (1 + v**2), 1, [1.5]),
+    ):
+        zero = System({x: v, v: -x}, events=[Event(surface, direction=direction, name="zero")])
+        run = solve(zero, (0, 6), {x: 1, v: 0}, method=method)
+        np.testing.assert_allclose(run.event_times(switch="zero"), np.pi * np.array(times), atol=1e-8)
+        assert not run.ambiguities
