@@ -88,6 +88,7 @@ from .surface_rates import (
     arc_ahead,
     evaluate_surfaces,
     leading_order,
+    note_rests_along,
     rests_along,
     stays_at_zero,
     stop_normal_speed,
@@ -188,6 +189,8 @@ def _arrivals(P, C, S, R, W, size, jumped):
             rest_with_friction(P, S)
             if some_second_order(P):
                 hold_beside(P, S, W)
+            if not jumped:
+                note_rests_along(P, S, R, W, j, came)
         elif went != came:
             record_event(S, R, j, EV_CROSSING if came != SOLVED else EV_RESET, came, went)
         if came != SOLVED:

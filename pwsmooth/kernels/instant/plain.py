@@ -23,7 +23,7 @@ from ..state import (
 )
 from ..step.recording import record_event
 from ..surface.sliding import follow, keep_on_surface, mask_solved, surface_speed
-from .surface_rates import evaluate_surfaces, rests_along
+from .surface_rates import evaluate_surfaces, note_rests_along, rests_along
 
 
 @kernel
@@ -86,4 +86,5 @@ def cross_stick_or_leave(P, S, R, W, j):
         return Outcome.NO_ROOT
     W.instant.solved_there = 1
     record_event(S, R, j, EV_STICK, came, 0)
+    note_rests_along(P, S, R, W, j, came)
     return GO_ON

@@ -6,7 +6,19 @@ Chain: pointers.py, sliding.py -> **this file** -> holding.py and all that acts 
 from ..intervals import pace
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.pointers import call_act, call_fields, call_linear
-from ..state import AMB_AT_ZERO, ANY, BOTH, CROSSING, DISC, HELD, KINK, SECOND_ORDER, SLIDING, SOLVED
+from ..state import (
+    AMB_AT_ZERO,
+    AMB_FORCES,
+    ANY,
+    BOTH,
+    CROSSING,
+    DISC,
+    HELD,
+    KINK,
+    SECOND_ORDER,
+    SLIDING,
+    SOLVED,
+)
 from ..step.recording import record_ambiguity
 from ..step.steps import take_jet, take_slip_jet
 from ..surface.sliding import follow, keep_on_surface, mask_instant, mask_solved, surface_rounding
@@ -158,9 +170,9 @@ def order_of_leaving(P, C, S, W, j):
 
 @kernel
 def stays_at_zero(P, S, R, j):
-    """Switch j stands on its surface and stays there: its multiplier is what conditions say of 0. False where none does.
+    """Switch j stands on its surface and stays there: its multiplier becomes what conditions say of 0.
 
-    What says nothing, or different things, keeps its side; an ambiguity tells of the latter.
+    False where none says anything, and where they say different things, of which an ambiguity tells.
     """
     at = P.at_zero[j]
     if at == ANY:
@@ -170,6 +182,24 @@ def stays_at_zero(P, S, R, j):
         return False
     S.status[j], S.mult[j] = at if at != 0 else HELD, float(at)
     return True
+
+
+@kernel
+def note_rests_along(P, S, R, W, j, came):
+    """Records the switches that come to rest on their surfaces with j, which sticks, and do not act on it themselves:
+    what they are on average, as sign(sin x) beside sign(x), nothing says."""
+    if not any_kind(P, CROSSING):
+        return
+    held = S.mult[j]
+    for k in range(P.m):
+        if P.kind[k] != CROSSING or abs(S.status[k]) != 1:
+            continue
+        if abs(approach_speed(P, S, k, W)) > W.instant.rest_speed or abs(W.h[k]) > surface_rounding(P, S, k, W):
+            continue
+        S.mult[j] = float(came)
+        if abs(approach_speed(P, S, k, W)) > W.instant.rest_speed:
+            record_ambiguity(S, R, k, AMB_FORCES, 0)
+        S.mult[j] = held
 
 
 @kernel

@@ -28,6 +28,8 @@ SMALLEST = 5e-324
 NOISE = 1e-14  # of a surface's size on the step: so deep a dip is rounding
 DIP = 10.0  # of the tolerance: a dip that deep, relative to its size on the step, is not told from a zero
 DIGITS = 1e-13  # of the states: what they cannot say
+NEARBY = 1e-3  # of a step, over which the speed of a surface is taken
+TICK = 1e-15  # of the time: its rounding
 
 
 @kernel
@@ -43,6 +45,16 @@ def sample(s, coefficients, degree, t, h, a, b):
             v = v * theta + coefficients[row + k]
         store8(s.X, 8 * i, v)
     call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
+
+
+@kernel
+def _note_slack(s, coefficients, degree, t, h, theta):
+    """Overwrites slack: what surfaces change by in the rounding of time at theta, at their speed on the step before."""
+    begin = max(0.0, theta - NEARBY)
+    sample(s, coefficients, degree, t, h, begin, theta)
+    for j in range(s.e):
+        change = abs(s.values[8 * j + 7] - s.values[8 * j])
+        s.slack[j] = TICK * (s.unit + abs(t)) * change / ((theta - begin) * h) if theta > begin else 0.0
 
 
 @kernel
@@ -64,7 +76,7 @@ def _look(s, t, x, before):
         if first == 0:
             call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
             for j in range(s.e):
-                s.level[j], s.rounding[j] = s.values[8 * j], 0.0
+                s.level[j], s.rounding[j] = s.values[8 * j], s.slack[j]
         for i in range(n):
             q = s.group[i] - first
             if 0 <= q and q < 8:
@@ -78,6 +90,8 @@ def _look(s, t, x, before):
 @kernel
 def start_sides(s, t, x):
     """Overwrites side[j] with the sign of each surface at a start, or with what remembers it; `met` where it is 0."""
+    for j in range(s.e):
+        s.slack[j] = 0.0
     _look(s, t, x, x)
     for j in range(s.e):
         k = s.remembers[j]
@@ -360,6 +374,7 @@ def events_unit(s, t, degree, offset):
         when = t + theta * h if theta < 1.0 else s.t
         for i in range(n):
             s.err[i] = s.scratch2[i] = s.x[i] if theta == 1.0 else value(coefficients, degree, i, theta)
+        _note_slack(s, coefficients, degree, t, h, theta)
         _due(s, when, theta, h, instant and theta == 1.0)
         instant = instant and theta < 1.0
         code = _fire(s, when, s.scratch2)

@@ -89,7 +89,7 @@ def test_a_kink_in_a_surface_is_on_its_side_after_the_update(method):
     np.testing.assert_allclose(times, [np.arccos(-0.6) / 3.2], atol=1e-8)
 
 
-@METHODS
+@pytest.mark.parametrize("method", ["auto", "rk", "stiff"])
 @pytest.mark.parametrize("factor", [-1, 3, sp.Rational(1, 2)])
 def test_an_update_that_maps_its_surface_onto_itself_fires_once(factor, method):
     # x' <= -1 - x/3 + 1/5 < 0 near 0, so that x falls through 0 once: 0 times a factor is 0.
@@ -156,3 +156,27 @@ def test_the_side_of_a_switch_three_levels_deep_is_found_at_a_start():
     assert run["w"][-1] == pytest.approx(0.8, abs=1e-9) and len(run.events) == 0
     relay = solve(System({q: w, w: sp.sign(dead - 2 * w - 8)}), (0, 0.01), {q: 0, w: 0})
     assert relay["q"][-1] == pytest.approx(5e-5, abs=1e-9)
+
+
+# ---- with derivatives, and beside a slide
+
+
+def test_derivatives_go_through_an_event_to_which_an_impact_carries():
+    # At the landing, t = sqrt(2 h/10), v jumps through 0 upward and w becomes h t: w' by h is 3 t/2.
+    w, h = sp.symbols("w h", real=True)
+    floor = Unilateral(x, restitution=sp.Rational(1, 2), name="floor")
+    lands = Event(v, direction=1, update={w: h * t}, name="lands")
+    ball = System({x: v, v: -10 + floor.reaction, w: 0}, time=t, parameters={h: 0.2}, events=[lands])
+    run = solve(ball, (0, 0.3), {x: 0.2, v: 0, w: 0}, with_respect_to=["x", "h"])
+    assert run["w"][-1] == pytest.approx(0.04, abs=1e-12)
+    by_height = 0.2 * 0.5 / np.sqrt(2 * 0.2 * 10) * 2
+    np.testing.assert_allclose(run.derivatives.end[2], [by_height, 0.2], rtol=1e-9)
+
+
+@METHODS
+def test_what_another_switch_is_on_average_beside_a_slide_is_recorded(method):
+    # sgn(sin x) has the mean that sgn(x) has, by Filippov; from the surfaces that does not follow.
+    z = sp.Symbol("z", real=True)
+    system = System({x: -sp.sign(x) / 2 - sp.Rational(1, 4), z: sp.sign(sp.sin(x))})
+    run = solve(system, (0, 3), {x: 0.75, z: 0}, method=method)
+    assert [a.kind for a in run.ambiguities] == ["multipliers not unique"]
