@@ -66,6 +66,10 @@ class Diffusion:
     of `finest` more for each level, so that the steps beside the surface shrink as the square, about 1 in the mean
     number of steps.
 
+    An event on whose surface the noise acts happens where the path first meets that surface, also in the midst of a
+    step: as a Brownian bridge does between the ends of the shortest steps, of step / 2**(level + finest). Its state is
+    on the surface, and mean first passages are right to first order in the shortest step.
+
     Noise that acts on a switch's surface leaves no sticking at eps = 0: the path meets the surface in a set of
     times of measure zero, and terms hidden on it never act (a warning says so). Noise on other states leaves
     sticking as it is, and makes its end a first passage of the multiplier; how many of the short slips that follow

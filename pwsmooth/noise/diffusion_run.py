@@ -143,6 +143,7 @@ class DiffusionRun:
         sizes = dict(
             n=len(lowered.model.states),
             m=len(lowered.model.multipliers),
+            ne=len(lowered.model.events),
             q=lowered.q,
             outputs=int(lowered.parts[-1]),
             trajectories=len(ensemble.get("snapshots", ())),

@@ -8,8 +8,8 @@ alone) with Milstein's terms where G depends on the state (strong order 1):
 
 A step that changes the status of a surface on which no noise acts is refused and its part of the Brownian path
 halved, until the change is located; then the layer decides as on the event-driven path (instants.py). A surface on
-which the noise acts is never slid on: there lambda = sign h, with finer steps beside it. Slow slips in a disc that the
-noise leaves alone: discs.py.
+which the noise acts is never slid on: there lambda = sign h, with finer steps beside it. An event there happens where the
+path first meets its surface (passage.py). Slow slips in a disc that the noise leaves alone: discs.py.
 """
 
 import math
@@ -42,6 +42,7 @@ from ..surface.sliding import INSIDE, follow, keep_at_rest, keep_on_surface, mas
 from ..work import Work
 from .discs import ALIKE, SWEEPS, end_slow, mark_slow, time_to_turn, turn_slow
 from .folds import aim_beyond, attracts, flattest
+from .passage import go_to_first_passage, has_passed
 from .state import ACROSS, BEND, DEEPEST, GATE, LOCATED, PULL, RATE, SLOPE, SPEED, SPREAD, WIDTH, Diffused
 from .tree import begin_interval, end_time, halve, halved, length_here, pass_on
 
@@ -215,7 +216,12 @@ def _changes(P, S, W, N, found):
             side = S.status[i]
         else:
             side = S.side[i - m]
-        if P.rows_slip[i] < 0 or not W.h[i] * side < 0.0:
+        if P.rows_slip[i] < 0:
+            continue
+        if i >= m and N.noisy[i] and P.watch[i - m] == 0 and has_passed(W, N, i):
+            W.meeting.tau[i] = 0.5
+            some = True
+        if not W.h[i] * side < 0.0:
             continue
         if not linear:
             call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
@@ -334,6 +340,8 @@ def diffuse(P, C, S, R, W, N):
             N.status[j] = S.status[j]
         for i in range(len(N.out)):
             N.out_start[i] = N.out[i]
+        for i in range(P.m + P.ne):
+            N.surface[i] = W.h[i]
         while True:
             S.steps += 1
             follows = True
@@ -362,9 +370,15 @@ def diffuse(P, C, S, R, W, N):
         if not total < math.inf:
             _restore(P, S, N, t)
             return Outcome.NOT_FINITE
+        end = S.t
+        passes = changed and go_to_first_passage(P, S, W, N, t)
         pass_on(N)
         if changed:
             code = _act(P, C, S, R, W, N, t, found)
+            if passes and code == GO_ON:
+                S.t = end
+                for i in range(P.n):
+                    S.x[i] += N.rest[i]
             _evaluate(P, S, W, N)
             if code != GO_ON:
                 return code

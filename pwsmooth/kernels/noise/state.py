@@ -18,7 +18,8 @@ class Kick(Bundle):
     size: "f8[:]"
 
 
-ROOT, SPLIT = 0x726F6F74, 0x73706C69  # of the Brownian path: whole intervals, and their halves
+# Words of the counter that belong to the Brownian path: whole intervals, their halves, and first passages.
+ROOT, SPLIT, BRIDGE = 0x726F6F74, 0x73706C69, 0x62726964
 DEEPEST = 40  # halvings of an interval
 LOCATED = 34  # halvings after which an event counts as located: 6e-11 of an interval
 
@@ -65,6 +66,9 @@ class Diffused(Bundle):
     right_area: "f8[levels, q]"
     x: "f8[n]"  # start of the step
     f: "f8[n]"
+    surface: "f8[m + ne]"
+    rest: "f8[n]"  # what a step does after a first passage
+    across: "f8[q]"  # what each source does to a surface
     mult: "f8[m]"
     status: "i8[m]"
     size: "f8[m]"  # |h| of discs that slip
