@@ -57,7 +57,9 @@ def test_on_a_curved_surface_the_end_state_is_on_it():
 
 def test_a_neuron_fires_at_the_rate_of_siegert():
     level, size, end = 0.8, 0.5, 4096
-    neuron = System({v: sp.Rational(4, 5) - v, n: 0}, events=[Event(v - 1, direction=1, update={v: 0, n: n + 1})])
+    neuron = System(
+        {v: sp.Rational(4, 5) - v, n: 0}, events=[Event(v - 1, direction=1, update={v: 0, n: n + 1})]
+    )
     wait = np.sqrt(np.pi) * quad(lambda u: np.exp(u * u) * (1 + erf(u)), -level / size, (1 - level) / size)[0]
     run = solve(neuron, (0, end), {v: 0, n: 0}, noise=Diffusion({v: size}, 1 / 4, seed=2))
     fired = np.array([e.time for e in run.events])

@@ -20,7 +20,7 @@ from .random import normal_pair, philox, unit_interval
 from .state import BRIDGE, SPREAD
 from .tree import length_here
 
-_LIKELY = 12.0  # of the exponent: a longer step is halved where it may have passed with a probability above 6e-6
+_LIKELY = 12.0  # of the exponent: a longer step is halved where its path may have passed by more than 6e-6
 _CORRECTIONS = 10  # of the state, at most: Newton's on a curved surface
 
 

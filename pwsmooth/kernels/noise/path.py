@@ -8,7 +8,7 @@ alone) with Milstein's terms where G depends on the state (strong order 1):
 
 A step that changes the status of a surface on which no noise acts is refused and its part of the Brownian path
 halved, until the change is located; then the layer decides as on the event-driven path (instants.py). A surface on
-which the noise acts is never slid on: there lambda = sign h, with finer steps beside it. An event there happens where the
+which the noise acts is never slid on: there lambda = sign h, with finer steps beside it; an event happens where the
 path first meets its surface (passage.py). Slow slips in a disc that the noise leaves alone: discs.py.
 """
 
