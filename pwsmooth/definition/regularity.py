@@ -13,6 +13,7 @@ Chain: lifting.py -> regularity (here) -> lowering.py.
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 
@@ -132,6 +133,33 @@ class Surface:
             return None  # the surface is met, but where this coordinate never is
         return beside, self._with_signs(on)
 
+    def reach_beyond(self):
+        """Moves the points, along what does not stand in h, to both sides of the thresholds of other switches; whether
+        there are any: of `t > 5` points of size 1 know one side alone.
+        """
+        fixed = self.h.free_symbols.union(*(h.free_symbols for _, h in self.inner))
+        others = [(lam, h) for lam, h in self.switches if (lam, h) not in self.inner and lam != self.lam]
+        free = {
+            c for _, h in others for c in (*self.field.states, self.field.time) if c in h.free_symbols - fixed
+        }
+        moved = []
+        for k, (beside, on) in enumerate(self.points * 4):
+            shift = {}
+            for c in sorted(free, key=str):
+                steps = random.Random(f"{c} {k}")
+                roots = sorted(
+                    r for _, h in others if c in h.free_symbols and math.isfinite(r := _root(h, on, c))
+                )
+                if roots:
+                    ends = roots[0] - 1 - abs(roots[0]), roots[-1] + 1 + abs(roots[-1])
+                    shift[c] = steps.choice(
+                        [(a + b) / 2 for a, b in itertools.pairwise((ends[0], *roots, ends[1]))]
+                    )
+            if shift:
+                moved.append((self._with_signs(beside | shift), self._with_signs(on | shift)))
+        self.points = moved
+        return bool(moved)
+
     def _at(self, point, coordinate, c):
         point[coordinate] = c
         for lam, h in self.inner:
@@ -189,6 +217,13 @@ class Surface:
         """Is `expr` nonlinear in lambda (or in another symbol) on the surface?"""
         symbol = symbol or self.lam
         return any(_bends(expr, lambda s, on=on: on | {symbol: s}) for _, on in self.points)
+
+
+def _root(h, point, c):
+    """Where an expression that is affine in one coordinate vanishes; inf or nan where there is none."""
+    a, b = value(h, point | {c: 0.0}), value(h, point | {c: 1.0})
+    root = -a / (b - a) if a != b else math.inf
+    return root if abs(value(h, point | {c: root})) <= TOLERANCE * (abs(a) + abs(root * (b - a))) else math.nan
 
 
 def _bends(e, at):
@@ -273,6 +308,15 @@ def classify(field, index, residual):
         return "kink", False
     response = Response(field, lam, residual)
     surface = Surface(field, index, [residual, *dependent, *response.equations])
+    found = _class_on(surface, lam, residual, dependent, response)
+    if found[0] != "sliding" and surface.reach_beyond():
+        beyond = _class_on(surface, lam, residual, dependent, response)
+        found = found if beyond[0] == "kink" else beyond
+    return found
+
+
+def _class_on(surface, lam, residual, dependent, response):
+    """(class, hidden) as the points of a surface tell it."""
     if all(surface.differ(e) is False for e in dependent):
         return "kink", False
     if response.unknowns:

@@ -9,7 +9,7 @@ import random
 import pytest
 import sympy as sp
 
-from pwsmooth import Memory, Switch
+from pwsmooth import Memory, Switch, System, solve
 from pwsmooth.definition.lifting import Lifting
 from pwsmooth.definition.model import Select
 from pwsmooth.definition.pointwise import value
@@ -17,7 +17,8 @@ from pwsmooth.definition.pointwise import value
 x, y, v, z, d = sp.symbols("x y v z d", real=True)
 STATES = (x, y, v, z, d)
 p = sp.Symbol("p", positive=True)
-q = sp.Symbol("q", real=True)
+q, t = sp.symbols("q t", real=True)
+HALF = sp.Rational(1, 2)
 
 
 def lift(expr, *switches, **options):
@@ -343,3 +344,26 @@ def test_lifted_nests_have_the_values_of_the_notation(seed):
             point[lam] = math.copysign(1.0, value(h, point))
         if all(abs(value(h, point)) > 1e-12 for h in lifting.switches.values()):
             assert value(lifted, point) == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("strength", "stops"),
+    [
+        (sp.Piecewise((HALF, t > 5), (0, True)), 6),
+        (sp.Piecewise((HALF, (t > 5) & (y > 4)), (0, True)), 6),
+        (sp.Piecewise((HALF, (y > 50) & (y < 53)), (0, True)), 51),
+        (sp.Max(0, y - 10), 11),
+    ],
+    ids=["from an instant on", "from an instant on, beyond a place", "on a rough patch", "ever more"],
+)
+def test_friction_that_acts_in_a_part_of_time_or_space_holds_there(strength, stops):
+    """Points of size 1 on v = 0 do not come where it acts."""
+    run = solve(System({y: v, v: -strength * sp.sign(v)}, time=t), (0, 80), {y: 0, v: 1})
+    assert run.success and run["v"][-1] == 0
+    assert run["y"][-1] == pytest.approx(stops, abs=1e-8)
+
+
+def test_what_is_continuous_wherever_it_is_met_stays_a_kink():
+    tent = sp.Piecewise((0, y > 1), (0, y < -1), (1 - sp.Abs(y), True))
+    found = System({y: 1 + tent * sp.Heaviside(z - 7), z: 1}).model.multipliers
+    assert [m.regularity for m in found if m.surface.has(y)] == 3 * ["kink"]
