@@ -30,6 +30,7 @@ NAMES = (
     "loops",
     "layers",
     "noises",
+    "compose",
 )
 OF_DERIVATIVES = ("slopes", "differences", "gradients")
 SLOW = 5.0  # seconds of a case that are reported
@@ -150,6 +151,9 @@ def main(arguments=None):
     )
     for kind, count in counts.most_common():
         print(f"{count:8d}  {kind}", *("--show", *examples[kind]) if kind in examples else ())
+    module = importlib.import_module(f".{given.name}", __package__)
+    if hasattr(module, "table"):
+        print(module.table(given.seed * 100_000 + k for k in range(given.structures)))
     for structure, seed, reason, error, tags in failures[:20]:
         print(f"  --show {structure} {seed}: {reason}, error {error:.3g}, tags {tags}")
     return 1 if failures else 0

@@ -1,0 +1,286 @@
+"""Compositions: models drawn from the grammar of the whole notation, where two and three pieces meet.
+
+    python -m tests.fuzz compose --cases 50000 --structures 3000 --resume FILE
+
+Each case is run twice, by another method or as the same model written otherwise, and held against the reference, a
+simulator written from docs/event_contract.md. WRONG is a run that two others contradict, the reference among them
+where it judges, without an ambiguity, where the motion's condition number is below 1000.
+Chain: judging.py -> grammar.py -> reference.py, plain.py, relations.py -> **here** -> shrinking.py; __main__.py.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import judging
+from ..judging import ILL, RECORDED, REFUSED, RIGHT, UNDECIDED, WRONG, Verdict
+from . import plain, reference, relations
+from .grammar import PIECES, Style, Writer, case, structure
+
+TITLE = "compositions"
+ERROR = 1e-6  # of states, relative to their size
+CONDITION = 1e3
+BY = 1e-7  # how far a case is moved to see its condition
+AS_IS = Style()
+# Reasons for which the reference does not judge and that leave more than one motion.
+OPEN = (
+    "several assignments",
+    "conflicting updates",
+    "Heaviside(0)",
+    "an update reads a switch at its zero",
+    "an update that ends on a surface",
+    "a slide that repels",
+    "several impulses",
+    "an event at the end",
+    "an impact at the end",
+)
+__all__ = ["case", "compiled", "play", "script", "structure", "table"]
+
+
+@dataclass
+class Structure:
+    """A model, compiled in the plain way; other ways are compiled when they are played."""
+
+    model: object
+    smooth: object
+    systems: dict
+
+    def system(self, style):
+        if style not in self.systems:
+            self.systems[style] = relations.written(self.model, style)
+        return self.systems[style]
+
+
+@dataclass
+class Run:
+    """A run in the model's units; `outcome` is a name, or what was raised."""
+
+    name: str
+    outcome: str
+    success: bool
+    values: np.ndarray
+    end: float
+    ambiguities: list
+
+    def said_before(self, t):
+        """The first ambiguity up to a time, or None."""
+        return next((kind for at, kind in self.ambiguities if at <= t + 1e-9), None)
+
+
+def compiled(_, seed):
+    """The structure of this seed."""
+    return build(structure(seed))
+
+
+def build(model):
+    """A model, compiled."""
+    return Structure(model, reference.Smooth(model), {AS_IS: relations.written(model, AS_IS)})
+
+
+def ways(model, seed):
+    """Names of the second and the third way in which a case is run."""
+    r = np.random.default_rng([103, seed])
+    # The clock of `every` strikes at multiples of the period from t = 0 on, whatever the shift.
+    fixed = any(event.every is not None for event in model.events)
+    names = [name for name in relations.STYLES if not (fixed and name == "shifted")]
+    if model.family is None:
+        names.remove("written out")
+    # One relation a structure: each is compiled.
+    relation = names[(seed // 1000) % len(names)]
+    # The pair's steps are not known beside a Disc: the others are shorter there.
+    method = "short steps" if model.discs else "rk"
+    return (method, relation) if r.random() < 0.5 else (relation, method)
+
+
+def run(played, one, way):
+    """One case in one way: "auto", another method, or a relation."""
+    style = relations.STYLES.get(way, AS_IS)
+    options = {"max_steps": 20_000}
+    if way == "rk":
+        options["method"] = way
+    elif way == "short steps":
+        options["max_step"] = 0.03
+    shape = (len(one.instants), len(one.start) + len(played.model.memories))
+    try:
+        system, known = played.system(style)
+        span, start, options = relations.call(played.model, one, style, known, options)
+        solution = judging.solve(system, span, start, **options)
+    except Exception as error:  # what a solve raises is a finding
+        words = f"raised {type(error).__name__}: {error}"
+        return Run(way, words[:160], False, np.full(shape, np.nan), np.nan, [])
+    times, values = relations.values(played.model, one, style, solution)
+    said = [(a.time / style.pace - style.shift, a.kind) for a in solution.ambiguities]
+    return Run(way, solution.outcome.name, solution.success, values, float(times[-1]), said)
+
+
+@dataclass
+class Finding:
+    """How a run differs from what is expected: a kind of verdict, why, by how much, and from when on."""
+
+    kind: str
+    reason: str = ""
+    error: float = 0.0
+    since: float = np.inf
+
+
+def compare(one, got, values, end, judged):
+    """A run beside expected values, of which the first `judged` rows count, and the expected end."""
+    if got.outcome.startswith("raised"):
+        return Finding(WRONG, got.outcome, np.inf)
+    size = 1 + float(np.nanmax(np.abs(values[:judged]), initial=0.0))
+    for k in range(judged):
+        t = one.instants[k]
+        if np.isnan(got.values[k]).all() and not (got.success and end < np.inf):
+            if not got.success:
+                return Finding(REFUSED, got.outcome)
+            return _said(got, t, f"{got.outcome}, but ends early", np.inf)
+        error = float(np.max(np.abs(got.values[k] - values[k])))
+        if not error <= ERROR * size:
+            return _said(got, t, "states", error)
+    if not got.success:
+        return Finding(REFUSED, got.outcome)
+    if end < np.inf and not abs(got.end - end) <= ERROR * (1 + abs(end)):
+        return _said(got, end, "the end", abs(got.end - end))
+    if judged == len(one.instants) and got.outcome == "TERMINATED":
+        return _said(got, got.end, "terminated", np.inf)
+    return Finding(RIGHT)
+
+
+def _said(got, t, reason, error):
+    said = got.said_before(t)
+    return Finding(RECORDED, said, error, t) if said else Finding(WRONG, reason, error, t)
+
+
+def play(played, seed):
+    """The verdict on one case."""
+    return judge(played, case(played.model, seed), ways(played.model, seed))
+
+
+def judge(played, one, others):
+    """The verdict on the numbers of a case, run as it is and in two other ways."""
+    expected = reference.answer(played.smooth, one)
+    judged = int((~np.isnan(expected.values).any(axis=1)).sum())
+    runs = [run(played, one, "auto"), run(played, one, others[0])]
+    ended = expected.end < np.inf
+    found = [compare(one, each, expected.values, expected.end, judged) for each in runs]
+    for kind in (WRONG, REFUSED, RECORDED):
+        for k, finding in enumerate(found):
+            if finding.kind != kind:
+                continue
+            words = f"{runs[k].name}: {finding.reason}"
+            if kind != WRONG or finding.reason.startswith("raised"):
+                return Verdict(kind, words, finding.error)
+            if not confirmed(played, one, expected, runs, found, k, others[1]):
+                return Verdict(UNDECIDED, "not confirmed", finding.error)
+            if condition(played, one, expected, judged) > CONDITION:
+                return Verdict(ILL, words, finding.error)
+            return Verdict(WRONG, words, finding.error)
+    if judged == len(one.instants) or ended:
+        return Verdict(RIGHT)
+    return beside(played, one, expected, runs, judged, others[1])
+
+
+def confirmed(played, one, expected, runs, found, k, third):
+    """Whether something besides the reference contradicts a run: another run, or a plain simulator."""
+    since = found[k].since
+    rows = sum(t <= since for t in one.instants)
+    for other in [runs[1 - k], None]:
+        other = other or run(played, one, third)
+        if compare(one, other, expected.values, expected.end, rows).kind == RIGHT:
+            return True
+    values = plain.values(played.smooth, one, since)
+    if values is None or rows == 0 or np.isnan(values[rows - 1]).any():
+        return False
+    row = rows - 1
+    if np.isnan(expected.values[row]).any() or np.isnan(runs[k].values[row]).any():
+        return False
+    near = np.max(np.abs(values[row] - expected.values[row]))
+    far = np.max(np.abs(values[row] - runs[k].values[row]))
+    return bool(near < far / 4)
+
+
+def condition(played, one, expected, judged):
+    """Median growth of a small change of one number of the case."""
+    found = []
+    r = np.random.default_rng(0)
+    for _ in range(5):
+        moved = dataclasses.replace(one, p=list(one.p), start=list(one.start))
+        numbers = moved.start if r.random() < 0.5 or not one.p else moved.p
+        i = int(r.integers(len(numbers)))
+        numbers[i] *= 1 + BY
+        other = reference.answer(played.smooth, moved).values[:judged]
+        if np.isfinite(other).all():
+            found.append(float(np.max(np.abs(other - expected.values[:judged]), initial=0.0)) / BY)
+    return float(np.median(found)) if found else np.inf
+
+
+def beside(played, one, expected, runs, judged, third):
+    """Where the reference does not judge to the end: both runs beside each other."""
+    silent = all(each.success and not each.ambiguities for each in runs)
+    size = 1 + float(np.nanmax(np.abs(runs[0].values), initial=0.0))
+    if silent and not _same(*runs, size):
+        if expected.reason in OPEN:  # the model allows both, which neither has recorded
+            return Verdict(UNDECIDED, f"runs differ in silence: {expected.reason}")
+        other = run(played, one, third)
+        same = [not other.ambiguities and _same(other, each, size) for each in runs]
+        if sum(same) != 1:
+            return Verdict(UNDECIDED, f"runs differ, not confirmed: {expected.reason}")
+        return Verdict(WRONG, f"{runs[same.index(False)].name}: beside two others ({expected.reason})")
+    if judged:
+        return Verdict(RIGHT, f"up to {expected.reason}")
+    return Verdict(UNDECIDED, expected.reason)
+
+
+def _same(a, b, size):
+    error = np.nanmax(np.abs(a.values - b.values), initial=0.0)
+    return a.outcome == b.outcome and bool(error <= ERROR * size)
+
+
+def table(keys):
+    """In how many of these structures each pair of pieces has met: the rarest pairs, and each piece alone."""
+    alone, pairs = Counter(), Counter()
+    for key in keys:
+        pieces = sorted(structure(key).pieces)
+        alone.update(pieces)
+        pairs.update(itertools.combinations(pieces, 2))
+    every = {pair: pairs[pair] for pair in itertools.combinations(sorted(PIECES), 2)}
+    rarest = sorted(every.items(), key=lambda item: item[1])
+    lines = ["pieces, in structures: " + ", ".join(f"{name} {alone[name]}" for name in sorted(PIECES))]
+    lines.append(
+        f"pairs: {len(every)}, of which {sum(n < 100 for n in every.values())} in fewer than 100 structures"
+    )
+    lines += [f"{n:8d}  {a} x {b}" for (a, b), n in rarest[:12]]
+    return "\n".join(lines)
+
+
+def script(number, seed):
+    """A case as a program, and the smallest that is found to be wrong as well."""
+    from .shrinking import shrunk
+
+    model = structure(number)
+    return shrunk(model, case(model, seed), ways(model, seed))
+
+
+def program(played, one, ways_):
+    """A program that shows a case."""
+    expected = reference.answer(played.smooth, one)
+    known = played.system(AS_IS)[1]
+    span, start, options = relations.call(played.model, one, AS_IS, known, {})
+    wanted = options.pop("t_eval").tolist()
+    rows = [[None if np.isnan(v) else round(float(v), 9) for v in row] for row in expected.values.T]
+    lines = [
+        Writer(played.model, AS_IS).text(),
+        f"s = solve(S, {span}, {start}, t_eval={wanted}, parameters={options['parameters']})",
+        "print(s.outcome.name, s.ambiguities, list(s.events))",
+        "print(s.x.round(9).tolist())",
+        f"# reference: {rows} {expected.reason}, end {expected.end}, events {expected.log}",
+    ]
+    for way in ("auto", *ways_):
+        got = run(played, one, way)
+        lines.append(f"# {way}: {got.outcome}, {got.values.T.round(9).tolist()}, {got.ambiguities}")
+    return "\n".join(lines)
