@@ -226,6 +226,9 @@ class EventSpec:
     singular: str = ""
     recorded: bool = True
     together: str | None = None  # of primitives.TOGETHER
+    offset: sp.Expr | None = (
+        None  # of a switch of time alone, kept as a memory: it happens at offset + k every, too
+    )
 
     @property
     def tables(self) -> tuple[Table, ...]:

@@ -122,6 +122,8 @@ def _undo_at_once(mirrored: Any, given: Any, at: float) -> tuple[EventRecord | N
     A run forward that ends on the surface of an event ends with the state behind it.
     """
     model, order = mirrored.model, mirrored.model.states
+    if model.families is not None:
+        return None, given
     point = dict(zip(order, given, strict=True)) | dict(mirrored.parameters) | {model.time: at}
     for mu in model.multipliers:
         if mu.surface is not None:

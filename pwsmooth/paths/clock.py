@@ -125,7 +125,9 @@ def instants_of_time(
         for table in event.tables:
             table.check(t0, t1)
             when = table.instants
-        if event.every is not None:
+        if event.offset is not None:
+            when = Periodic(sp.S.One, model.time, event.every, event.offset).instants(values, t0, t1, most)[0]
+        elif event.every is not None:
             every = value(event.every, values)
             if not every > 0:
                 raise ValueError(f"Event {event.name!r}: `every` is {every:g}; give a period > 0.")

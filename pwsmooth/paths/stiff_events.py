@@ -23,7 +23,7 @@ from ..results.records import course
 from ..results.solution import Solution
 from .budget import Budget
 from .call import Call
-from .clock import require_none_at_start
+from .clock import Periodic, periodic_switches, require_none_at_start
 from .event_driven import LOOSEST, prepared_run
 from .smoothed import explicit_alone, of_event, own
 
@@ -63,7 +63,7 @@ def switched_by_events(model: Model) -> Model:
     if families is None or families.template.mirrors:  # what two neighbours tell of one surface is one event
         return _switched(model)
     template = families.template
-    switched = _switched(template.model, tuple(e for *_, e in template.sums))
+    switched = _switched(template.model, tuple(e for *_, e in template.sums), of_elements=True)
     sums = tuple((s, family, _selecting(e)) for s, family, e in template.sums)
     of_switches = template.families("multipliers")
     family_of = {mu.surface: family for mu, family in zip(template.model.multipliers, of_switches)}
@@ -91,7 +91,14 @@ def _selecting(e: Any) -> Any:
     return e.replace(Select, lambda lam, a, b: sp.Piecewise((a, lam > 0), (b, True), evaluate=False))
 
 
-def _switched(model: Model, sums: tuple[sp.Expr, ...] = ()) -> Model:
+def _when(mu: Any, periodic: Periodic | None) -> dict[str, Any]:
+    """When a switch crosses: at the instants of its clock, or at its surface."""
+    return (
+        {"surface": mu.surface} if periodic is None else {"every": periodic.period, "offset": periodic.offset}
+    )
+
+
+def _switched(model: Model, sums: tuple[sp.Expr, ...] = (), of_elements: bool = False) -> Model:
     """The same for a plain model, or for that of one element with the summands of its `sums`."""
     model = replace(model, outputs=(), events=tuple(filter(_watched, model.events)))
     for mu in model.multipliers:
@@ -102,9 +109,11 @@ def _switched(model: Model, sums: tuple[sp.Expr, ...] = ()) -> Model:
                 f"`method` is 'stiff', but {what}; stiff steps know switches that the motion only passes. Use 'auto', "
                 "or the smoothed view."
             )
-    first = len(model.states)
+    first, periodic = len(model.states), {} if of_elements else periodic_switches(model)
     events = tuple(
-        EventSpec(str(mu.symbol), mu.surface, update=((first + j, -mu.symbol),))
+        replace(
+            EventSpec(str(mu.symbol), update=((first + j, -mu.symbol),)), **_when(mu, periodic.get(mu.symbol))
+        )
         for j, mu in enumerate(model.multipliers)
     )
     widths = [strip(mu, model, sums) for mu in model.multipliers]

@@ -52,6 +52,16 @@ def _look_at_nested(P, C, S, W):
 
 
 @kernel
+def _look_at_events(P, S, W):
+    """After the multipliers of what slides from the start are known: the sides of events in which they stand."""
+    evaluate_surfaces(P, S, W)
+    for i in range(P.m, P.m + P.ne):
+        if P.nested[i] != 0 and P.rows_slip[i] >= 0:
+            W.instant.hit[i] = abs(W.h[i]) <= surface_rounding(P, S, i, W)
+            S.side[i - P.m] = 1 if W.h[i] >= 0.0 else -1
+
+
+@kernel
 def start(P, C, S, R, W):
     """The first instant: overwrites status, multipliers, sides and known zeros of S, records the point; a code."""
     S.started = 1
@@ -122,6 +132,8 @@ def start(P, C, S, R, W):
     if code == GO_ON and P.discs != 0:
         code, _ = settle_discs(P, C, S, R, W, True)
         S.events = 0
+    if size > 0:
+        _look_at_events(P, S, W)
     # What the switches have become acts on the contacts that were looked at before them.
     instant.look_again = int(size > 0 and len(P.contact) > 0)
     slipping = not any_is(P, S, SOLVED)

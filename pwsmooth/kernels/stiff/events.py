@@ -30,6 +30,7 @@ DIP = 10.0  # of the tolerance: a dip that deep, relative to its size on the ste
 DIGITS = 1e-13  # of the states: what they cannot say
 NEARBY = 1e-3  # of a step, over which the speed of a surface is taken
 TICK = 1e-15  # of the time: its rounding
+MET = 4  # in `postponed`, beside DUE: met, until switches of time alone have crossed
 
 
 @kernel
@@ -316,6 +317,32 @@ def _note_nothing(s, together):
 
 
 @kernel
+def _strike(s, t, x):
+    """Fire the switches of time alone whose instant has come, before all that is due; what was met is looked at again.
+
+    Returns as `fire`. At an instant a function of time has the value that it has from there on.
+    """
+    some = False
+    for j in range(s.e):
+        some = some or (s.due[j] == DUE and s.carried[j] == TIMED and s.remembers[j] >= 0)
+    if not some:
+        return GO_ON
+    for j in range(s.e):
+        if s.met[j]:
+            s.side[j], s.due[j], s.met[j], s.postponed[j] = -s.side[j], 0, 0, MET
+        elif s.due[j] == DUE and s.remembers[j] < 0:
+            s.due[j], s.postponed[j] = 0, DUE
+    code = fire(s, s, s.n, s.e, t, x, s.side, s.direction, _look_again, _act, _record, _note_nothing)
+    for j in range(s.e):
+        if s.postponed[j] == MET and abs(s.level[j]) <= s.rounding[j]:
+            s.side[j], s.due[j], s.met[j] = -s.side[j], DUE, 1
+        elif s.postponed[j] == DUE:
+            s.due[j] = DUE
+        s.postponed[j] = 0
+    return code
+
+
+@kernel
 def _fire(s, t, x):
     """Fire at time t everything that is due; returns as `fire`. Overwrites x and the records."""
     n, first = s.n, s.records
@@ -324,7 +351,11 @@ def _fire(s, t, x):
         # A zero may have been passed in a direction that does not count.
         if s.met[j] == 0 and s.remembers[j] < 0 and abs(s.level[j]) > s.rounding[j]:
             s.side[j] = _sign(s.level[j])
-    code = fire(s, s, n, s.e, t, x, s.side, s.direction, _look_again, _act, _record, _note_nothing)
+    code = _strike(s, t, x)
+    struck = s.jumped
+    if code == GO_ON:
+        code = fire(s, s, n, s.e, t, x, s.side, s.direction, _look_again, _act, _record, _note_nothing)
+    s.jumped = max(s.jumped, struck)
     if code == Outcome.EVENT_LOOP:
         s.records = first
     for record in range(first, s.records):
@@ -371,6 +402,8 @@ def events_unit(s, t, degree, offset):
         if theta == NONE and not instant:
             return GO_ON
         theta = min(theta, 1.0)
+        if instant and (1.0 - theta) * h <= 1e-13 * max(abs(s.t), h):
+            theta = 1.0  # what is met and the clock are at one instant
         when = t + theta * h if theta < 1.0 else s.t
         for i in range(n):
             s.err[i] = s.scratch2[i] = s.x[i] if theta == 1.0 else value(coefficients, degree, i, theta)

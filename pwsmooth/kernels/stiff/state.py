@@ -132,6 +132,7 @@ class Core(Bundle):
     level: "f8*[e]"  # surfaces at an instant
     was: "f8*[e]"  # and before the last update
     rounding: "f8*[e]"  # what the last digits of the states make of them
+    postponed: "i8*[e]"  # what is due behind the switches of time alone
     slack: "f8*[e]"  # and what the rounding of the instant does
     fired: "f8*[e, 7]"  # rows of intervals.py
     before: "f8*[n]"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Algebraic, Event, Memory, System, Unilateral, solve
+from pwsmooth import Algebraic, Event, Memory, Switch, System, Unilateral, solve
 
 t, x, y, v, a, c, w, q = sp.symbols("t x y v a c w q", real=True)
 n, m, s, pause = (Memory(name, 0) for name in ("n", "m", "s", "pause"))
@@ -158,7 +158,7 @@ def test_the_side_of_a_switch_three_levels_deep_is_found_at_a_start():
     assert relay["q"][-1] == pytest.approx(5e-5, abs=1e-9)
 
 
-# ---- with derivatives, and beside a slide
+# ---- with derivatives, and of multipliers
 
 
 def test_derivatives_go_through_an_event_to_which_an_impact_carries():
@@ -171,6 +171,16 @@ def test_derivatives_go_through_an_event_to_which_an_impact_carries():
     assert run["w"][-1] == pytest.approx(0.04, abs=1e-12)
     by_height = 0.2 * 0.5 / np.sqrt(2 * 0.2 * 10) * 2
     np.testing.assert_allclose(run.derivatives.end[2], [by_height, 0.2], rtol=1e-9)
+
+
+def test_an_event_on_the_multiplier_of_a_stick_fires_where_that_is():
+    # v = 0 is held up to t = 1 by lam = t.
+    lam = Switch("lam", v)
+    system = System(
+        {v: t - lam}, time=t, events=[Event(lam - sp.Rational(1, 2), update={n: n + 1}, name="half")]
+    )
+    run = solve(system, (0, 0.9), {v: 0})
+    np.testing.assert_allclose(run.event_times(switch="half"), [0.5], atol=1e-9)
 
 
 @METHODS
