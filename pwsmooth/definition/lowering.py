@@ -327,8 +327,7 @@ def contact(field, R, gap, restitution):
             f"the rates are not linear in the reaction {R}: an impact has no finite impulse then. Let {R} stand as a "
             "force does, with a factor that does not contain it."
         )
-    # Newton's law. The push is taken as it is before the impact: with friction in it, the impulse keeps the
-    # direction of slip (or the sticking force) from before.
+    # Newton's law. Friction in the push has the lambda that the impact gives it (kernels/instant/impacts.py).
     along = sp.Add(*(speed.diff(x) * b for x, b in zip(field.states, push, strict=True)))
     stop = [b * speed / along for b in push]  # what takes dh/dt away; e times it gives the rebound
     after = [

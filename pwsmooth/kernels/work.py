@@ -1,8 +1,8 @@
 """What the parts of a step and of an instant tell each other, and their scratch arrays: one struct a user.
 
 Sizes: n states, m multipliers, ne events, nz layered states; K the order of the polynomials, `width` K + 1 made up to
-blocks of eight and one more (state.PAD); `contacts`, `hubs`; `rows` of the Taylor programs; `group` the largest group
-of coupled multipliers.
+blocks of eight and one more (state.PAD); `contacts`, `hubs`; `struck` contacts with friction in their pushes, and this;
+`rows` of the Taylor programs; `group` the largest group of coupled multipliers.
 """
 
 from .machine.block import Bundle
@@ -233,9 +233,30 @@ class Contacts(Bundle):
     together: "f8[contacts]"  # speeds after the impulses
     delassus: "f8[contacts, contacts]"
     pivots: "f8[contacts, contacts + 1]"
+    solved: "f8[n]"  # state after impulses with friction
     first: "f8[n]"  # state before all, and before and after a rebound
     before: "f8[n]"
     after: "f8[n]"
+
+
+class Struck(Bundle):
+    """What an impact strikes: contacts, then friction; see impacts.py. Its size is 0 without friction."""
+
+    contacts: "int"  # how many, and with the multipliers of friction
+    size: "int"
+    member: "i8[struck]"
+    mode: "i8[struck]"  # whether a contact pushes; 0 of friction that sticks, the side of a switch, or 1, of what slips
+    aim: "f8[struck]"  # speeds of the contacts after
+    unit: "f8[struck]"  # sizes of impulses and lambda
+    value: "f8[struck]"  # these
+    kept: "f8[struck]"
+    slip: "f8[struck]"  # what lambda changes of a slip
+    rest: "f8[struck]"  # residuals, and those a step ahead
+    ahead: "f8[struck]"
+    matrix: "f8[struck, 2*struck + 1]"  # their slopes, and the products of its rows
+    met: "i8[m]"
+    mult: "f8[m]"  # before
+    x: "f8[n]"
 
 
 class Firing(Bundle):
@@ -329,5 +350,6 @@ class Work(Bundle):
     together: Together
     layer: Layer
     contacts: Contacts
+    struck: Struck
     firing: Firing
     instant: Instant

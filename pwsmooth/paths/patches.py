@@ -14,6 +14,8 @@ from ..kernels import state as names
 from .problem import MOST, longest_step
 
 _FIRST_ROOM = 256  # members and places of a patch
+_STRUCK = 512  # contacts and friction that one impact may strike
+_RUBS = (names.SLIDING, names.COMPONENT)
 _TOUCHING = 2048  # contacts of a patch that touch at one instant
 _EMPTY = np.zeros(0, np.int64)
 
@@ -59,6 +61,11 @@ class SmallSystem:
             own = max(own, -(-(fixed + each * places) // self.stride))
         rows += own
         coupled = len(run.template.linked)
+        rubs = (
+            (run.contacts + run.blocks_m) * run.n
+            if run.contacts and np.isin(run.parts.kind, _RUBS).any()
+            else 0
+        )
         entries, gradients = run.fixed_m + len(run.g_block) * members, len(run.dh_block) * members
         return {
             "n": run.ns * places, "m": m, "ne": ne, "nz": 0,
@@ -68,7 +75,8 @@ class SmallSystem:
             "group": max(*map(len, run.groups), min(coupled * run.n, _TOUCHING), 0),
             "hubs": 0, "onset": 0, "room": 16,
             "contacts": min(run.contacts * run.n, _TOUCHING), "contact": run.contacts * members,
-            "joint": min(coupled * run.n, MOST), "pieces": 0, "polynomials": 0, "order": 0, "tapes": 0, "times": 0,
+            "joint": min(coupled * run.n, MOST), "struck": min(rubs, _STRUCK),
+            "pieces": 0, "polynomials": 0, "order": 0, "tapes": 0, "times": 0,
             "p": len(run.p_fixed) - len(run.own_parameters)
             + (len(run.own_parameters) + len(run.template.felt)) * places,
             "g_col": entries, "link_col": len(run.link_block) * members, "dh_col": gradients,

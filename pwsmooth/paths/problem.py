@@ -297,7 +297,7 @@ class CompiledProblem:
             fold_gradients=len(fold.pattern("DH")[1]) + m + 1 + ne if fold else 0,
             group=int(np.diff(fixed["block_row"]).max(initial=0)), hubs=len(fixed["hub"]),
             contacts=len(fixed["contact"]), onset=n if fixed["discs"] else 0,
-            joint=self._joint(),
+            joint=self._joint(), struck=self._struck(),
         )  # fmt: skip
 
     def _joint(self) -> int:
@@ -306,6 +306,16 @@ class CompiledProblem:
         beside = np.diff(fixed["link_row"]) > 0
         switches = int(np.sum((kind == state.SLIDING) & beside & (fixed["hidden"] == 0)))
         return int(np.sum(kind == state.COMPONENT)) + (min(switches, MOST) if switches > 1 else 0)
+
+    def _struck(self) -> int:
+        """How many contacts and multipliers of dry friction an impact may strike."""
+        contact, kind = self.fixed["contact"], self.kind
+        rubs = np.flatnonzero((kind == state.SLIDING) | (kind == state.COMPONENT))
+        row, col = self.fixed["link_row"], self.fixed["link_col"]
+        beside = [col[row[j] : row[j + 1]] for j in contact]
+        acts = (state.SLIDING, state.COMPONENT, state.ALGEBRAIC)
+        some = len(rubs) > 0 and any(np.isin(kind[near], acts).any() for near in beside)
+        return len(contact) + len(rubs) if some else 0
 
     def new_work(self, order: int, sizes: dict[str, int] | None = None):
         """Scratch arrays that nobody else has, of the sizes of this system or of others."""

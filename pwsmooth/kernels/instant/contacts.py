@@ -1,52 +1,46 @@
 """Contacts at one instant: the impacts of all that touch, then which of them stay closed.
 
-Velocities first. With u the rates of the gaps and D_ij the change of u_i by a unit of impulse at contact j,
+Velocities first (impacts.py). Then, among those that neither approach nor part, forces,
 
-    u+ = u + D p,    0 <= p  complementary to  u+ + e u >= 0        (Newton's restitution; Moreau 1988)
+    0 <= R  complementary to  d2h/dt2 >= 0
 
-over all that touch and act on each other; one alone rebounds with -e u. Then, among those that neither approach nor
-part, forces:  0 <= R  complementary to  d2h/dt2 >= 0. D is the matrix dg/dR of the residuals g = d2h/dt2.
-
-Friction stands in D, so that a = D_jj may be negative, of a slipping contact alone d2h/dt2 = a R + b (Painleve 1895):
-with b < 0 no R >= 0 keeps the bodies apart (inconsistent), with b > 0 both R = 0 and R = -b/a do (indeterminate), and
-where a comes to 0 from above R grows beyond all bounds (jam). Genot & Brogliato, Eur. J. Mech. A 18, 1999.
-Chain: instants.py, starting.py -> **this file** -> sparse.py, sliding.py.
+over all that touch. Friction stands in D = dg/dR of the residuals g = d2h/dt2, so that a = D_jj may be negative, of a
+slipping contact alone d2h/dt2 = a R + b (Painleve 1895): with b < 0 no R >= 0 keeps the bodies apart (inconsistent),
+with b > 0 both R = 0 and R = -b/a do (indeterminate), and where a comes to 0 from above R grows without bound (jam).
+Genot & Brogliato, Eur. J. Mech. A 18, 1999.
+Chain: instants.py, starting.py -> **this file** -> impacts.py, sparse.py, sliding.py.
 """
 
 import math
 
-from ..intervals import forget_intervals, note_arc, time_size
+from ..intervals import forget_intervals, time_size
 from ..machine.compiling import kernel
-from ..machine.pointers import call_act, call_fields, call_linear, call_newton
+from ..machine.pointers import call_fields, call_linear, call_newton
 from ..outcome import Outcome
-from ..state import (
-    AMB_IMPACTS,
-    AMB_INDETERMINATE,
-    EV_ACCUMULATION,
-    EV_CLOSED,
-    EV_IMPACT,
-    EV_OPENING,
-    SLIDING,
-    SOLVED,
-    TAPE_ACT,
-    TAPE_MEET,
-    TAPE_OTHER,
-    TAPE_ROUND,
-)
-from ..step.recording import put_on_tape, record_ambiguity, record_event
+from ..state import AMB_INDETERMINATE, EV_ACCUMULATION, EV_CLOSED, EV_IMPACT, EV_OPENING, SLIDING, SOLVED
+from ..step.recording import record_ambiguity, record_event
 from ..surface.sliding import common_gradient, go_down_gradient, keep_on_surface, mask_solved, surface_rounding
 from ..surface.sparse import entry, solve_dense, solve_masked
+from .impacts import (
+    CHANGED,
+    INCONSISTENT,
+    UNCHANGED,
+    UNSOLVABLE,
+    collide,
+    find_couplings,
+    kick,
+    rebound,
+    solve_chosen,
+)
 from .surface_rates import approach_speed, evaluate_surfaces
 
-INCONSISTENT, UNSOLVABLE, UNCHANGED, CHANGED = -2, -1, 0, 1
 PRESSING = -1  # known zeros of the gap of a contact that rests and is pressed from now on
 UNTOLD = 1e-14  # of the time: instants that close are not told apart
 _MOST_IMPACTS, _SMALLEST_GAP = 20_000, 1e-100
 _TURNS = 3  # of a projection: the gaps of bodies that turn are not linear
-_HEAVY = float(2**30)  # a reaction beside which all other forces are small
 _EQUAL = 1e-12  # of the largest speed or force: what is smaller is rounding
 _JAM = 1e-6  # of what friction does to a gap, beside which the rest of its reaction is small
-_SINGULAR = 1e10  # an impulse or force so many times the others comes of a singular matrix
+_SINGULAR = 1e10  # a force so many times the others comes of a singular matrix
 
 
 @kernel
@@ -89,196 +83,6 @@ def _find_touching(P, S, R, W):
         contacts.speed[a] = approach_speed(P, S, contacts.touching[a], W)
         contacts.at_rest[a] = W.instant.rest_speed
     return size
-
-
-@kernel
-def _find_couplings(P, S, W, size):
-    """Overwrites W.contacts.delassus, the matrix D of the touching contacts."""
-    contacts = W.contacts
-    evaluate_surfaces(P, S, W)
-    for a in range(size):
-        for b in range(size):
-            contacts.delassus[a, b] = entry(P.g_row, P.g_col, W.G, contacts.touching[a], contacts.touching[b])
-
-
-@kernel
-def _coupled(contacts, a, size):
-    """Whether an impulse at touching contact a moves another one that touches, or is moved by it."""
-    for b in range(size):
-        if b != a and (contacts.delassus[a, b] != 0.0 or contacts.delassus[b, a] != 0.0):
-            return True
-    return False
-
-
-@kernel
-def _rebound(P, S, W, j):
-    """Overwrites W.contacts.after by the state after a rebound of contact j alone; returns its speed there."""
-    contacts = W.contacts
-    for i in range(P.n):
-        contacts.before[i] = contacts.after[i] = S.x[i]
-    call_act(P.act, P.ne + j, S.t, S.x, S.mult, P.p, contacts.after)
-    for i in range(P.n):
-        S.x[i] = contacts.after[i]
-    speed = approach_speed(P, S, j, W)
-    for i in range(P.n):
-        S.x[i] = contacts.before[i]
-    return speed
-
-
-@kernel
-def _kick(P, S, W, j, impulse):
-    """Gives the state an impulse at contact j: the rates are linear in R_j, whose factor is the direction."""
-    mult = S.mult[j]
-    S.mult[j] = -_HEAVY
-    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-    for i in range(P.n):
-        W.contacts.after[i] = W.dx[i]  # what is given, in a patch of elements, stands in `dx` alone
-    S.mult[j] = _HEAVY
-    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-    S.mult[j] = mult
-    for i in range(P.n):
-        S.x[i] += impulse * ((W.dx[i] - W.contacts.after[i]) / (2.0 * _HEAVY))
-
-
-@kernel
-def _solve_chosen(contacts, size):
-    """Overwrites contacts.impulse: q + D p = 0 for the chosen contacts, p = 0 for the others; False if singular."""
-    p, q, D, A = contacts.impulse, contacts.load, contacts.delassus, contacts.pivots
-    rows, scale = 0, 0.0
-    for a in range(size):
-        scale = max(scale, abs(q[a]))
-        if contacts.chosen[a]:
-            columns = 0
-            for b in range(size):
-                if contacts.chosen[b]:
-                    A[rows, columns] = D[a, b]
-                    columns += 1
-            A[rows, columns] = -q[a]
-            rows += 1
-    if not solve_dense(A, rows, 1):
-        return False
-    row = 0
-    for a in range(size):
-        p[a] = 0.0
-        if contacts.chosen[a]:
-            p[a] = A[row, rows]
-            row += 1
-            if not abs(p[a] * D[a, a]) <= _SINGULAR * scale:
-                return False
-    return True
-
-
-@kernel
-def _complementarity(contacts, size):
-    """Solves 0 <= p, q + D p >= 0, one of them 0, for the impulse p, q in contacts.load: Murty's least-index pivoting.
-
-    False where D is no P-matrix, as where two walls close on a body.
-    """
-    p, q, D = contacts.impulse, contacts.load, contacts.delassus
-    scale = 0.0
-    for a in range(size):
-        contacts.chosen[a] = 0
-        p[a] = 0.0
-        scale = max(scale, abs(q[a]))
-    for _ in range(64 + 16 * size):
-        largest, wrong = 0.0, -1
-        for a in range(size):
-            largest = max(largest, abs(p[a]))
-        for a in range(size):
-            rate = q[a]
-            for b in range(size):
-                rate += D[a, b] * p[b]
-            if p[a] < -_EQUAL * largest if contacts.chosen[a] else rate < -_EQUAL * scale:
-                wrong = a
-                break
-        if wrong < 0:
-            return True
-        contacts.chosen[wrong] = 1 - contacts.chosen[wrong]
-        if not _solve_chosen(contacts, size):
-            return False
-    return False
-
-
-@kernel
-def _apart_from_single_impacts(P, S, W, size):
-    """Largest difference between the speeds after the impulses and after rebounds one by one, from either end.
-
-    Relative to the largest speed of approach. One that rests and is hit through another has its own restitution then.
-    """
-    contacts = W.contacts
-    scale, apart = 0.0, 0.0
-    for a in range(size):
-        scale = max(scale, abs(contacts.speed[a]))
-        contacts.together[a] = contacts.speed[a]
-        for b in range(size):
-            contacts.together[a] += contacts.delassus[a, b] * contacts.impulse[b]
-    for i in range(P.n):
-        contacts.first[i] = S.x[i]
-    for turn in range(2):
-        for _ in range(200 * size):
-            found = -1
-            for k in range(size):
-                a = k if turn == 0 else size - 1 - k
-                if found < 0 and approach_speed(P, S, contacts.touching[a], W) < -_EQUAL * scale:
-                    found = a
-            if found < 0:
-                break
-            _rebound(P, S, W, contacts.touching[found])
-            for i in range(P.n):
-                S.x[i] = contacts.after[i]
-        for a in range(size):
-            apart = max(apart, abs(contacts.together[a] - approach_speed(P, S, contacts.touching[a], W)))
-        for i in range(P.n):
-            S.x[i] = contacts.first[i]
-    return apart / scale
-
-
-@kernel
-def _collide(P, S, R, W, size):
-    """Impacts of the touching contacts, those that act on each other together; whether they have a solution: a code."""
-    contacts = W.contacts
-    approaching, together, first = False, False, -1
-    for a in range(size):
-        approaching = approaching or contacts.speed[a] < -contacts.at_rest[a]
-    if not approaching:
-        return UNCHANGED
-    _find_couplings(P, S, W, size)
-    for a in range(size):
-        if contacts.speed[a] < -contacts.at_rest[a] and contacts.delassus[a, a] < 0.0:
-            return INCONSISTENT  # an impulse along the friction of the slip drives the bodies into each other
-    for a in range(size if size > 1 else 0):
-        contacts.load[a] = contacts.speed[a]
-        if contacts.speed[a] < -contacts.at_rest[a]:
-            contacts.load[a] -= _rebound(P, S, W, contacts.touching[a])
-            if not together and _coupled(W.contacts, a, size):
-                together, first = True, a
-    if together:
-        if not _complementarity(W.contacts, size):
-            return UNSOLVABLE
-        if _apart_from_single_impacts(P, S, W, size) > 1e-9:
-            record_ambiguity(S, R, contacts.touching[first], AMB_IMPACTS, 0)
-    for a in range(size):
-        j, meets = contacts.touching[a], contacts.speed[a] < -contacts.at_rest[a]
-        if together and _coupled(W.contacts, a, size):
-            if R.tape.shape[0] > 0:
-                put_on_tape(P, S, R, TAPE_MEET, TAPE_OTHER, j, 0, 0.0)
-            if contacts.impulse[a] > 0.0:
-                _kick(P, S, W, j, contacts.impulse[a])
-        elif meets:
-            if R.tape.shape[0] > 0:
-                put_on_tape(P, S, R, TAPE_ACT, 0, P.ne + j, 0, 0.0)
-                put_on_tape(P, S, R, TAPE_ROUND, 0, 0, 0, 0.0)
-            _rebound(P, S, W, j)
-            for i in range(P.n):
-                S.x[i] = contacts.after[i]
-        if meets:
-            keep_on_surface(P, S, j, W)
-            S.deflate[j] = 1
-            W.instant.hit[j] = True
-            note_arc(S, j, contacts.speed[a])
-            record_event(S, R, j, EV_IMPACT, 1, 1)
-    W.instant.jumped = 1
-    return CHANGED
 
 
 @kernel
@@ -433,7 +237,7 @@ def settle_contacts(P, S, R, W):
     size = _find_touching(P, S, R, W)
     if size < 0:
         return UNSOLVABLE
-    code = _collide(P, S, R, W, size)
+    code = collide(P, S, R, W, size)
     if code < UNCHANGED:
         return code
     for a in range(size):
@@ -484,9 +288,8 @@ def impact_to_the_end(P, S, R, W):
             largest = max(largest, gap[a])
         for a in range(size if 0.0 < largest < _SMALLEST_GAP else 0):
             gap[a] /= largest
-        _rebound(P, S, W, contacts.touching[found])
-        for i in range(P.n):
-            S.x[i] = contacts.after[i]
+        if rebound(P, S, R, W, contacts.touching[found], False) < UNCHANGED:
+            return False
         impacts[found] = 1
     for a in range(size):
         j = contacts.touching[a]
@@ -574,8 +377,8 @@ def stop_closed(P, S, W):
     for a in range(size):
         contacts.chosen[a] = 1
         contacts.load[a] = approach_speed(P, S, contacts.touching[a], W)
-    _find_couplings(P, S, W, size)
-    if _solve_chosen(W.contacts, size):
+    find_couplings(P, S, W, size)
+    if solve_chosen(W.contacts, size):
         for a in range(size):
             if contacts.impulse[a] != 0.0:
-                _kick(P, S, W, contacts.touching[a], contacts.impulse[a])
+                kick(P, S, W, contacts.touching[a], contacts.impulse[a])
