@@ -2,7 +2,8 @@
 
 A surface is looked at in 8 points of the step and, where a parabola through three of them comes near zero, in
 8 more around its vertex, closer and closer until it turns out to stay away or to pass; a change of sign is then
-narrowed sevenfold a round, on the surface itself and not on a fit.
+narrowed sevenfold a round, on the surface itself and not on a fit. Where the surface is so small that the tolerance of
+the step counts, the step is made once more up to the zero, until what is between its ends does not matter.
 
 `side` is the sign that each surface had last: a start on a surface, or the instant after an event, is
 no zero. What fires at one instant follows kernels/firing.py.
@@ -16,7 +17,7 @@ from pwsmooth.kernels.intervals import note_interval, time_to_last_event
 from pwsmooth.kernels.machine.compiling import kernel, unit
 from pwsmooth.kernels.machine.lanes import at, load8, splat8, store8
 from pwsmooth.kernels.outcome import Outcome
-from pwsmooth.kernels.state import ACTS, DUE, GO_ON, MOST_AT_ONCE, SILENT, TIMED
+from pwsmooth.kernels.state import ACTS, AGAIN, DUE, GO_ON, MOST_AT_ONCE, SILENT, TIMED
 from pwsmooth.kernels.stiff import state as S
 from pwsmooth.kernels.stiff.call import ACT, WATCH8, call_event, call_lanes
 
@@ -31,6 +32,11 @@ DIGITS = 1e-13  # of the states: what they cannot say
 NEARBY = 1e-3  # of a step, over which the speed of a surface is taken
 TICK = 1e-15  # of the time: its rounding
 MET = 4  # in `postponed`, beside DUE: met, until switches of time alone have crossed
+ROUGH = 1e-5  # of a surface's size on the step: what the tolerance may make of it at a zero
+NEAR_ZERO = 1e-6  # of a surface at the start, or of the first step in doubt: so far beyond a zero one may end
+SHORTEST = 1e-12  # of the time: a step that is made once more
+AT_ZERO = 1e-3  # of a surface's size on a step up to what may be its zero: less is one
+LEAST_SHARE = 1e-3  # of a step, to which one that is made once more may shrink
 
 
 @kernel
@@ -64,9 +70,9 @@ def _sign(v):
 
 
 @kernel
-def _look(s, t, x, before):
-    """Overwrites level with the surfaces at (t, x), and rounding with what the last digits of x and `before` make of
-    them."""
+def _look(s, t, x, before, digits, tolerances):
+    """Overwrites level with the surfaces at (t, x), and rounding with what they change by where each state changes by
+    these digits of x and `before` and so many of its absolute tolerances."""
     n = s.n
     for first in range(0, s.groups, 8):
         for q in range(8):
@@ -81,7 +87,7 @@ def _look(s, t, x, before):
         for i in range(n):
             q = s.group[i] - first
             if 0 <= q and q < 8:
-                s.X[8 * i + q] += DIGITS * (abs(x[i]) + abs(before[i]))
+                s.X[8 * i + q] += digits * (abs(x[i]) + abs(before[i])) + tolerances * s.atol[i]
         call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
         for j in range(s.e):
             for q in range(min(8, s.groups - first)):
@@ -93,7 +99,7 @@ def start_sides(s, t, x):
     """Overwrites side[j] with the sign of each surface at a start, or with what remembers it; `met` where it is 0."""
     for j in range(s.e):
         s.slack[j] = 0.0
-    _look(s, t, x, x)
+    _look(s, t, x, x, DIGITS, 0.0)
     for j in range(s.e):
         k = s.remembers[j]
         s.side[j] = x[k] if k >= 0 else _sign(s.level[j])
@@ -292,7 +298,7 @@ def _due(s, t, theta, h, instant):
 
 @kernel
 def _look_again(s, t, x):
-    _look(s, t, x, s.before)
+    _look(s, t, x, s.before, DIGITS, 0.0)
 
 
 @kernel
@@ -346,7 +352,7 @@ def _strike(s, t, x):
 def _fire(s, t, x):
     """Fire at time t everything that is due; returns as `fire`. Overwrites x and the records."""
     n, first = s.n, s.records
-    _look(s, t, x, x)
+    _look(s, t, x, x, DIGITS, 0.0)
     for j in range(s.e):
         # A zero may have been passed in a direction that does not count.
         if s.met[j] == 0 and s.remembers[j] < 0 and abs(s.level[j]) > s.rounding[j]:
@@ -386,19 +392,74 @@ def _accumulate(s, coefficients, degree, t, h, theta, when):
     return False
 
 
+@kernel
+def _doubt(s, coefficients, degree, t, h, theta):
+    """What becomes of a first zero at theta, on the polynomial of an implicit step, whose surface is hardly larger than
+    the tolerance there: only the ends of steps tell then on which side the motion is.
+
+    Returns where the step has to end that is made once more to find out; else the first zero that counts: the end of
+    the step where no shorter one tells more, and none of those that the ends know nothing of.
+    """
+    for j in range(s.e):
+        s.slack[j] = 0.0
+    for i in range(s.n):
+        s.err[i] = value(coefficients, degree, i, theta)
+    _look(s, t + theta * h, s.err, s.err, 0.5 * s.rtol, 1.0)
+    for j in range(s.e):
+        s.slack[j] = s.rounding[j]
+    _look(s, t, s.start, s.start, DIGITS, 0.0)
+    sample(s, coefficients, degree, t, h, 0.0, 1.0)
+    again, first, least = NONE, NONE, SHORTEST * (s.unit + abs(t))
+    if s.confirming == 0:
+        s.doubted = h
+    for j in range(s.e):
+        size = 0.0
+        for k in range(8):
+            size = max(size, abs(s.values[8 * j + k]))
+        rough = s.carried[j] != TIMED and s.found[j] <= theta and s.slack[j] > ROUGH * size
+        begin, end, digits = (
+            s.side[j] * s.values[8 * j],
+            s.side[j] * s.values[8 * j + 7],
+            s.rounding[j] - s.slack[j],
+        )
+        if rough and s.confirming == 0 and begin > digits and theta * h >= least:
+            again = theta
+        elif rough and (s.confirming > 0 or begin <= digits):
+            share = max(begin / (begin - end), LEAST_SHARE) if end < 0.0 else NONE
+            if -end > max(NEAR_ZERO * begin, digits) and h > NEAR_ZERO * s.doubted and share * h >= least:
+                again = min(again, share)
+            s.found[j] = 1.0 if end <= (AT_ZERO * size if begin > digits else -digits) else NONE
+        first = min(first, s.found[j])
+    s.confirming = s.confirming + 1 if again < 1.0 else 0
+    return again if again < 1.0 else first
+
+
 @unit(types.int64, S.Core, types.float64, types.int64, types.int64)
 def events_unit(s, t, degree, offset):
     """Everything that happens on the step just taken from t; its polynomial stands at `offset` of the
     coefficients.
 
     Events that change nothing are recorded and passed. At the first that changes the state (`jumped`) or ends the run,
-    x and t become those just before it and scratch2 the state after. Returns GO_ON or the Outcome.
+    x and t become those just before it and scratch2 the state after. Returns GO_ON or the Outcome; AGAIN, with the
+    length of the step in s.h, where the step is to be made once more up to what may be the first zero.
     """
     n = s.n
+    for j in range(s.e):
+        s.was[j] = s.side[j]
     h, theta, coefficients = s.taken, 0.0, at(s.coefficients, offset)
     instant = s.ticks < s.instants and s.t >= s.instant_t[s.ticks]
     while s.records + 2 * s.e + MOST_AT_ONCE < s.room:
-        theta = next_zero(s, coefficients, degree, t, h, theta)
+        begin = theta
+        theta = next_zero(s, coefficients, degree, t, h, begin)
+        if begin == 0.0 and theta < 1.0 and s.mode == S.RADAU:
+            theta = _doubt(s, coefficients, degree, t, h, theta)
+            if s.confirming > 0:
+                for j in range(s.e):
+                    s.side[j] = s.was[j]
+                s.h = theta * h
+                return AGAIN
+        elif begin == 0.0:
+            s.confirming = 0
         if theta == NONE and not instant:
             return GO_ON
         theta = min(theta, 1.0)

@@ -12,7 +12,7 @@ from numba import types
 from pwsmooth.kernels.machine.compiling import kernel, unit
 from pwsmooth.kernels.machine.lanes import at
 from pwsmooth.kernels.outcome import Outcome
-from pwsmooth.kernels.state import GO_ON, MOST_AT_ONCE
+from pwsmooth.kernels.state import AGAIN, GO_ON, MOST_AT_ONCE
 from pwsmooth.kernels.stiff import state as S
 from pwsmooth.kernels.stiff.call import (  # fmt: skip
     EVENTS_UNIT,
@@ -170,7 +170,7 @@ def _next_length(s, t, rest):
 
 @kernel
 def _after_step(s, t, mode):
-    """Polynomial, events and wanted times of the step just accepted from t; returns GO_ON or the Outcome."""
+    """Polynomial, events and wanted times of the step just accepted from t; returns GO_ON, AGAIN or the Outcome."""
     n = s.n
     dense = s.dense == 1
     wanted = s.samples < s.evals and s.t_eval[s.samples] <= s.t
@@ -181,7 +181,7 @@ def _after_step(s, t, mode):
         if s.e > 0:
             s.jumped = 0
             code = call_events_unit(s.adr[EVENTS_UNIT], s, t, degree, offset)
-            if code == Outcome.EVENT_LOOP:
+            if code == Outcome.EVENT_LOOP or code == AGAIN:
                 return code
             jumped = s.jumped
         if wanted:
@@ -265,6 +265,13 @@ def integrate(s, steps):
                 return Outcome.NOT_FINITE
         s.steps += 1
         status = _after_step(s, t, mode)
-        if status != GO_ON:
+        if status == AGAIN:
+            s.t = t
+            s.steps -= 1
+            s.rejections += 1
+            for i in range(s.n):
+                s.x[i] = s.start[i]
+            _begin(s)
+        elif status != GO_ON:
             return status
     return Outcome.OUT_OF_MEMORY

@@ -87,6 +87,8 @@ class Core(Bundle):
     J_row: "i8*[entries]"  # of each entry of J; rows and columns beyond the states are those of sums
     J_column: "i8*[entries]"
     elimination: "i8*[:]"  # the plan of sparse.py, where no code eliminates
+    confirming: "int"  # steps in succession that were made once more, up to a zero
+    doubted: "float"  # length of the first of these
     jumped: "int"  # from here to `left` as kernels/firing.py says
     read: "i8*[:]"  # these states
     group: "i8*[n]"  # of every state

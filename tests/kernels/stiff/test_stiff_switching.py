@@ -88,6 +88,19 @@ def test_lugre_costs_a_tenth_of_the_explicit_steps():
     assert 10 * stiff.cost["steps"] < explicit.cost["steps"]
 
 
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-11])
+def test_a_stiff_branch_is_left_where_the_ends_of_steps_say(rtol):
+    # x follows sin t, at a distance of eps, until x' = -x/10 falls slower than the sine: tan t = -10. The surface is as
+    # small as eps all along, and what a long step's polynomial says of it between its ends is nothing.
+    eps = sp.Symbol("eps", positive=True)
+    rectifier = System({x: sp.Max(sp.sin(t) - x, 0) / eps - x / 10}, time=t, parameters={eps: 1e-4})
+    off = 3 * np.pi - np.arctan(10)
+    for size in (1e-4, 1e-6, 1e-8):
+        run = solve(rectifier, (0, 12), {x: 0}, method="stiff", rtol=rtol, parameters={eps: size})
+        assert run.outcome is Outcome.FINISHED and len(run.events) == 3
+        assert run["x"][-1] == pytest.approx(np.sin(off) * np.exp(-(12 - off) / 10), abs=1e-9 + size**1.5)
+
+
 @pytest.mark.parametrize("rtol", [1e-6, 1e-7, 1e-8, 1e-9])
 def test_no_step_passes_over_the_strip_where_friction_rises(rtol):
     """exp(-(v/v_s)^2) is flat above: without a look at the strip the last slip ended 1.8 ms late, at any tolerance."""
