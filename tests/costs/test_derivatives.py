@@ -105,6 +105,18 @@ def test_a_ball_moves_with_height_gravity_and_restitution():
     assert impact.after[1] == pytest.approx(-0.8 * impact.before[1] + [0, 0, 9.8 * fall], rel=1e-11)
 
 
+def test_an_end_at_a_terminal_event_moves_along_with_it():
+    throw = System(
+        {x: v, v: a, y: 1}, parameters={a: 0.5}, events=[Event(x - 1, update={y: 3 * v}, terminal=True)]
+    )
+    d = solve(throw, (0, 5), {x: 0, v: 1, y: 0}, with_respect_to=[a, "v"], **TIGHT).derivatives
+    slopes = np.array([1, 1]) / np.sqrt(2)  # of the speed sqrt(v^2 + 2 a) at x = 1
+    assert d.end == pytest.approx(np.array([0 * slopes, slopes, 3 * slopes]), abs=1e-12)
+    assert d.x[0, :, -1] == pytest.approx(
+        -d.event_times()[0] * np.sqrt(2), rel=1e-12
+    )  # at that time, one goes on
+
+
 def test_what_ends_at_a_stick_keeps_what_it_has_become():
     system = System({x: -a * sp.sign(x), y: b * sp.Abs(sp.sign(x))}, parameters={a: 1.3, b: 2.0})
     d = solve(system, (0, 3), {x: 1, y: 0}, with_respect_to=[a, b, "x", "y"], **TIGHT).derivatives

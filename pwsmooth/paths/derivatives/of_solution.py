@@ -17,6 +17,7 @@ from ...definition.model import Model
 from ...door import checks
 from ...door.describe import Described, Rows, values
 from ...door.documenting import complete
+from ...kernels.outcome import Outcome
 from ...kernels.tangent.state import CORNER, GRAZES, NO_SERIES
 from ...results import outputs
 from ..limits import limits
@@ -311,9 +312,11 @@ class Derivatives(Described):
 
     @property
     def end(self) -> np.ndarray:
-        """Of the states at the end of the run, shape (n, k)."""
-        self._defined(self._solution.t[-1])
-        return self._outline.end
+        """Of the states at the end of the run, shape (n, k): behind a terminal event, along with its time."""
+        solution = self._solution
+        self._defined(solution.t[-1])
+        last = len(solution.events) - 1
+        return self.at_event(last).after if solution.outcome is Outcome.TERMINATED else self._outline.end
 
     def __getitem__(self, name: Any) -> np.ndarray:
         """Of a state, multiplier or output at the solution's times, shape (k, nt)."""
