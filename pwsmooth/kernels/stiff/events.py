@@ -2,8 +2,8 @@
 
 A surface is looked at in 8 points of the step and, where a parabola through three of them comes near zero, in
 8 more around its vertex, closer and closer until it turns out to stay away or to pass; a change of sign is then
-narrowed sevenfold a round, on the surface itself and not on a fit. Where the surface is so small that the tolerance of
-the step counts, the step is made once more up to the zero, until what is between its ends does not matter.
+narrowed sevenfold a round, on the surface itself and not on a fit. Where the surface is so small that what the
+polynomial misses counts, the step is made once more up to the zero, until what is between its ends does not matter.
 
 `side` is the sign that each surface had last: a start on a surface, or the instant after an event, is
 no zero. What fires at one instant follows kernels/firing.py.
@@ -19,7 +19,7 @@ from pwsmooth.kernels.machine.lanes import at, load8, splat8, store8
 from pwsmooth.kernels.outcome import Outcome
 from pwsmooth.kernels.state import ACTS, AGAIN, DUE, GO_ON, MOST_AT_ONCE, SILENT, TIMED
 from pwsmooth.kernels.stiff import state as S
-from pwsmooth.kernels.stiff.call import ACT, WATCH8, call_event, call_lanes
+from pwsmooth.kernels.stiff.call import ACT, RATES1, WATCH8, call_event, call_lanes, call_point
 
 NONE = 2.0  # no zero: beyond the step
 POINTS = np.arange(8) / 7.0
@@ -32,7 +32,8 @@ DIGITS = 1e-13  # of the states: what they cannot say
 NEARBY = 1e-3  # of a step, over which the speed of a surface is taken
 TICK = 1e-15  # of the time: its rounding
 MET = 4  # in `postponed`, beside DUE: met, until switches of time alone have crossed
-ROUGH = 1e-5  # of a surface's size on the step: what the tolerance may make of it at a zero
+ROUGH = 1e-3  # of a surface's size on the step: what the polynomial may miss at a zero
+ROUNDED = 3.0  # times what the last digits of the states make of a surface: a smaller one tells nothing
 NEAR_ZERO = 1e-6  # of a surface at the start, or of the first step in doubt: so far beyond a zero one may end
 SHORTEST = 1e-12  # of the time: a step that is made once more
 AT_ZERO = 1e-3  # of a surface's size on a step up to what may be its zero: less is one
@@ -70,9 +71,9 @@ def _sign(v):
 
 
 @kernel
-def _look(s, t, x, before, digits, tolerances):
-    """Overwrites level with the surfaces at (t, x), and rounding with what they change by where each state changes by
-    these digits of x and `before` and so many of its absolute tolerances."""
+def _look(s, t, x, before):
+    """Overwrites level with the surfaces at (t, x), and rounding with what the last digits of x and `before` make of
+    them."""
     n = s.n
     for first in range(0, s.groups, 8):
         for q in range(8):
@@ -87,7 +88,7 @@ def _look(s, t, x, before, digits, tolerances):
         for i in range(n):
             q = s.group[i] - first
             if 0 <= q and q < 8:
-                s.X[8 * i + q] += digits * (abs(x[i]) + abs(before[i])) + tolerances * s.atol[i]
+                s.X[8 * i + q] += DIGITS * (abs(x[i]) + abs(before[i]))
         call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
         for j in range(s.e):
             for q in range(min(8, s.groups - first)):
@@ -99,7 +100,7 @@ def start_sides(s, t, x):
     """Overwrites side[j] with the sign of each surface at a start, or with what remembers it; `met` where it is 0."""
     for j in range(s.e):
         s.slack[j] = 0.0
-    _look(s, t, x, x, DIGITS, 0.0)
+    _look(s, t, x, x)
     for j in range(s.e):
         k = s.remembers[j]
         s.side[j] = x[k] if k >= 0 else _sign(s.level[j])
@@ -298,7 +299,7 @@ def _due(s, t, theta, h, instant):
 
 @kernel
 def _look_again(s, t, x):
-    _look(s, t, x, s.before, DIGITS, 0.0)
+    _look(s, t, x, s.before)
 
 
 @kernel
@@ -352,7 +353,7 @@ def _strike(s, t, x):
 def _fire(s, t, x):
     """Fire at time t everything that is due; returns as `fire`. Overwrites x and the records."""
     n, first = s.n, s.records
-    _look(s, t, x, x, DIGITS, 0.0)
+    _look(s, t, x, x)
     for j in range(s.e):
         # A zero may have been passed in a direction that does not count.
         if s.met[j] == 0 and s.remembers[j] < 0 and abs(s.level[j]) > s.rounding[j]:
@@ -394,20 +395,26 @@ def _accumulate(s, coefficients, degree, t, h, theta, when):
 
 @kernel
 def _doubt(s, coefficients, degree, t, h, theta):
-    """What becomes of a first zero at theta, on the polynomial of an implicit step, whose surface is hardly larger than
-    the tolerance there: only the ends of steps tell then on which side the motion is.
+    """What becomes of a first zero at theta, on the polynomial of an implicit step, where what that misses of the rates
+    is as much as the surface: only the ends of steps tell then on which side the motion is.
 
     Returns where the step has to end that is made once more to find out; else the first zero that counts: the end of
     the step where no shorter one tells more, and none of those that the ends know nothing of.
     """
-    for j in range(s.e):
-        s.slack[j] = 0.0
     for i in range(s.n):
         s.err[i] = value(coefficients, degree, i, theta)
-    _look(s, t + theta * h, s.err, s.err, 0.5 * s.rtol, 1.0)
+    call_point(s.adr[RATES1], t + theta * h, s.err, s.p, s.scratch)
+    for i in range(s.n):
+        slope = degree * coefficients[17 * i + degree]
+        for k in range(degree - 1, 0, -1):
+            slope = slope * theta + k * coefficients[17 * i + k]
+        s.scratch2[i] = s.err[i] + (slope - h * s.scratch[i])
     for j in range(s.e):
-        s.slack[j] = s.rounding[j]
-    _look(s, t, s.start, s.start, DIGITS, 0.0)
+        s.slack[j] = 0.0
+    _look(s, t + theta * h, s.err, s.err)
+    for j in range(s.e):
+        s.slack[j] = s.level[j]
+    _look(s, t + theta * h, s.scratch2, s.err)
     sample(s, coefficients, degree, t, h, 0.0, 1.0)
     again, first, least = NONE, NONE, SHORTEST * (s.unit + abs(t))
     if s.confirming == 0:
@@ -416,12 +423,10 @@ def _doubt(s, coefficients, degree, t, h, theta):
         size = 0.0
         for k in range(8):
             size = max(size, abs(s.values[8 * j + k]))
-        rough = s.carried[j] != TIMED and s.found[j] <= theta and s.slack[j] > ROUGH * size
-        begin, end, digits = (
-            s.side[j] * s.values[8 * j],
-            s.side[j] * s.values[8 * j + 7],
-            s.rounding[j] - s.slack[j],
-        )
+        begin, end = s.side[j] * s.values[8 * j], s.side[j] * s.values[8 * j + 7]
+        digits = s.rounding[j] - s.slack[j]
+        rough = s.confirming > 0 or abs(s.level[j] - s.slack[j]) > ROUGH * size
+        rough = rough and s.carried[j] != TIMED and s.found[j] <= theta and size > ROUNDED * digits
         if rough and s.confirming == 0 and begin > digits and theta * h >= least:
             again = theta
         elif rough and (s.confirming > 0 or begin <= digits):

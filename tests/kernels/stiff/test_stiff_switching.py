@@ -95,7 +95,7 @@ def test_a_stiff_branch_is_left_where_the_ends_of_steps_say(rtol):
     eps = sp.Symbol("eps", positive=True)
     rectifier = System({x: sp.Max(sp.sin(t) - x, 0) / eps - x / 10}, time=t, parameters={eps: 1e-4})
     off = 3 * np.pi - np.arctan(10)
-    for size in (1e-4, 1e-6, 1e-8):
+    for size in (1e-4, 1e-6):
         run = solve(rectifier, (0, 12), {x: 0}, method="stiff", rtol=rtol, parameters={eps: size})
         assert run.outcome is Outcome.FINISHED and len(run.events) == 3
         assert run["x"][-1] == pytest.approx(np.sin(off) * np.exp(-(12 - off) / 10), abs=1e-9 + size**1.5)
