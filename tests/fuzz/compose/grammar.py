@@ -209,7 +209,8 @@ class _Draw:
         if kind == "Heaviside":
             return ("H", self.affine(depth=depth))
         if kind == "Switch":
-            h = self.affine(self.leaves[: len(self.model.states)], depth=max(depth, 1))
+            # A Switch of memories and parameters alone is refused.
+            h = self.affine([leaf for leaf in self.leaves if leaf[0] == "x"], depth=max(depth, 1))
             self.model.switches.append(h)
             return ("lam", len(self.model.switches) - 1)
         if kind == "Abs":
