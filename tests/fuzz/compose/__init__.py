@@ -17,6 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pwsmooth.paths.derivatives import NoDerivative
+
 from .. import judging
 from ..judging import ILL, RECORDED, REFUSED, RIGHT, UNDECIDED, WRONG, Verdict
 from . import plain, reference, relations
@@ -66,6 +68,7 @@ class Run:
     values: np.ndarray
     end: float
     ambiguities: list
+    moves: tuple | None = None
 
     def said_before(self, t):
         """The first ambiguity up to a time, or None."""
@@ -94,28 +97,68 @@ def ways(model, seed):
     relation = names[(seed // 1000) % len(names)]
     # The pair's steps are not known beside a Disc: the others are shorter there.
     method = "short steps" if model.discs else "rk"
-    return (method, relation) if r.random() < 0.5 else (relation, method)
+    draw = r.random()
+    if draw < 0.4:
+        return relation, method
+    return (method if draw < 0.7 else str(r.choice(["stiff", "split", "derivatives"]))), relation
 
 
 def run(played, one, way):
-    """One case in one way: "auto", another method, or a relation."""
+    """One case in one way: "auto", another method, in two spans, with derivatives, or a relation."""
     style = relations.STYLES.get(way, AS_IS)
-    options = {"max_steps": 20_000}
-    if way == "rk":
+    options = {"max_steps": 20_000, "max_seconds": 20}
+    if way in ("rk", "stiff"):
         options["method"] = way
     elif way == "short steps":
         options["max_step"] = 0.03
+    elif way == "derivatives" and played.system(AS_IS)[1]:
+        options["with_respect_to"] = sorted(played.system(AS_IS)[1])[:1]
     shape = (len(one.instants), len(one.start) + len(played.model.memories))
     try:
         system, known = played.system(style)
         span, start, options = relations.call(played.model, one, style, known, options)
+        if way == "split":
+            return _split(played, one, system, span, start, options)
         solution = judging.solve(system, span, start, **options)
+    except ValueError:
+        if way != "stiff":
+            raise
+        return run(played, one, "short steps")  # what slides or has contacts has no implicit steps
     except Exception as error:  # what a solve raises is a finding
         words = f"raised {type(error).__name__}: {error}"
         return Run(way, words[:160], False, np.full(shape, np.nan), np.nan, [])
     times, values = relations.values(played.model, one, style, solution)
     said = [(a.time / style.pace - style.shift, a.kind) for a in solution.ambiguities]
-    return Run(way, solution.outcome.name, solution.success, values, float(times[-1]), said)
+    found = Run(way, solution.outcome.name, solution.success, values, float(times[-1]), said)
+    if "with_respect_to" in options and solution.outcome.name == "FINISHED":
+        found.moves = _moves(played.model, solution, options["with_respect_to"][0])
+    return found
+
+
+def _moves(model, solution, name):
+    """(parameter, derivatives of the states at the end by it), or None of a run that says that there are none."""
+    try:
+        return int(name[1:]), [float(solution.derivatives[state][0, -1]) for state in model.states]
+    except NoDerivative:
+        return None
+
+
+def _split(played, one, system, span, start, options):
+    """A run over the span in two: the second continues the first."""
+    wanted = options.pop("t_eval")
+    middle = len(wanted) // 2
+    first = judging.solve(system, (span[0], wanted[middle]), start, t_eval=wanted[: middle + 1], **options)
+    runs = [first]
+    if first.outcome.name == "FINISHED":
+        runs.append(
+            judging.solve(system, (wanted[middle], span[1]), first, t_eval=wanted[middle + 1 :], **options)
+        )
+    values, said = None, []
+    for solution in runs:
+        times, found = relations.values(played.model, one, AS_IS, solution)
+        values = found if values is None else np.where(np.isnan(values), found, values)
+        said += [(a.time, a.kind) for a in solution.ambiguities]
+    return Run("split", runs[-1].outcome.name, runs[-1].success, values, float(times[-1]), said)
 
 
 @dataclass
@@ -181,8 +224,30 @@ def judge(played, one, others):
                 return Verdict(ILL, words, finding.error)
             return Verdict(WRONG, words, finding.error)
     if judged == len(one.instants) or ended:
-        return Verdict(RIGHT)
+        return moved(played, one, expected, runs) if runs[1].moves and not ended else Verdict(RIGHT)
     return beside(played, one, expected, runs, judged, others[1])
+
+
+def moved(played, one, expected, runs):
+    """The verdict on derivatives at the end, beside differences of the reference and of the run."""
+    k, found = runs[1].moves
+    n, h = len(one.start), 1e-5
+    cases = [dataclasses.replace(one, p=[v + s * h * (i == k) for i, v in enumerate(one.p)]) for s in (-1, 1)]
+    answers = [reference.answer(played.smooth, each) for each in cases]
+    again = [run(played, each, "auto") for each in cases]
+    logs = [[number for _, number in each.log] for each in (expected, *answers)]
+    ends = [np.array([each.values[-1][:n] for each in two]) for two in (answers, again)]
+    if logs[0] != logs[1] or logs[0] != logs[2] or not all(np.isfinite(two).all() for two in ends):
+        return Verdict(RIGHT)
+    differences = [(two[1] - two[0]) / (2 * h) for two in ends]
+    bend = np.abs(ends[0][1] + ends[0][0] - 2 * expected.values[-1][:n]).max() / h
+    size = 1 + np.abs(differences[0]).max()
+    errors = [float(np.abs(each - found).max() / size) for each in differences]
+    if (
+        max(errors) <= 1e-3 or bend > 1e-2 * size or runs[1].ambiguities
+    ):  # a bend: a start on a surface, a touch
+        return Verdict(RIGHT, "derivatives")
+    return Verdict(WRONG if min(errors) > 1e-3 else UNDECIDED, "derivatives: of the end", max(errors))
 
 
 def confirmed(played, one, expected, runs, found, k, third):

@@ -26,6 +26,7 @@ RTOL, ATOL = 1e-11, 1e-13
 AT_ZERO = 1e-8  # a surface that is nearer to 0 at an instant is at its zero
 AHEAD = (1e-4, 3e-4)  # where the flow of an assignment is looked at
 KEPT = 1e-11  # a surface that is further from 0 there has a side
+LIFTED = 1e-14  # a gap that opens as the cube of time
 FLAT = 1e-12  # one that is nearer stays at 0
 REST = 2e-7  # a slower rebound is rest
 STOP = 1e-9  # a slip in a disc that is slower has stopped
@@ -255,6 +256,7 @@ class Phase:
     closed: tuple = ()
     sticks: tuple = ()
     flat: tuple = ()  # atoms that stay at 0
+    branches: tuple = ()  # modes on both sides of a slide that stands in other switches
     multipliers: list = field(default_factory=list)
 
 
@@ -319,6 +321,14 @@ class Run:
             D += [a / size, b / size]
         return D
 
+    def of(self, function, t, x, P, given, R, D):
+        """A function's values; beside a slide in other switches the mean of both sides (Filippov)."""
+        if not P.branches:
+            return function(t, x, P.M, *given, R, D)
+        share = (1 + P.multipliers[0]) / 2 if P.multipliers else 0.5
+        sides = (function(t, x, M, *given, R, D) for M in P.branches)
+        return [share * a + (1 - share) * b for a, b in zip(*sides)]
+
     def put(self, P, R, D, values):
         """Multipliers into modes, reactions and discs."""
         i = 0
@@ -342,7 +352,8 @@ class Run:
 
         def residual(values):
             self.put(P, R, D, values)
-            f = S.f(t, x, P.M, *given, R, D)
+            P.multipliers = values
+            f = self.of(S.f, t, x, P, given, R, D)
             rows = [S.dh[j] for j in P.slides] + [S.dspeed[k] for k in P.closed]
             rows += [S.ddisc[2 * k + c] for k in P.sticks for c in (0, 1)]
             found = []
@@ -408,8 +419,15 @@ class Run:
         S, x, given = self.S, y.tolist(), self.given(t)
         f, R, D = self.field(t, x, P)
         found = []
+        outer = set()
+        for M in P.branches:
+            outer = {j for j, below in enumerate(S.below) if below & P.slides.keys()}
+            h = S.all_h(t, x, M, *given, R, D)
+            for j in outer:
+                stairs = S.atoms[j].kind == "floor"
+                found += [h[j] - M[j], M[j] + 1 - h[j]] if stairs else [M[j] * h[j]]
         for j, (atom, h) in enumerate(zip(S.atoms, S.all_h(t, x, P.M, *given, R, D))):
-            if j in P.slides:
+            if j in P.slides or j in outer:
                 continue
             if j in P.flat:
                 found.append(1e-7 - abs(h))
@@ -426,7 +444,7 @@ class Run:
             found += [
                 math.hypot(h[2 * k], h[2 * k + 1]) - STOP for k in range(len(S.discs)) if k not in P.sticks
             ]
-        return found + S.surface(t, x, P.M, *given, R, D)
+        return found + self.of(S.surface, t, x, P, given, R, D)
 
     # ---- between instants
 
@@ -673,7 +691,7 @@ class Run:
         if not any(e.surface is not None for e in S.model.events) or self.started:
             return found
         R, D = self.field(t, x, P)[1:]
-        now = S.surface(t, x, P.M, *self.given(t), R, D)
+        now = self.of(S.surface, t, x, P, self.given(t), R, D)
         near = [k for k, e in enumerate(S.model.events) if e.surface is not None and abs(now[k]) < AT_ZERO]
         jumping = self.jumping(t, x, P)
         for k in list(near):
@@ -685,10 +703,10 @@ class Run:
             return found
         y = self.ahead(t, x, P, -AHEAD[0])
         R, D = self.field(t - AHEAD[0], y, P)[1:]
-        before = S.surface(t - AHEAD[0], y, P.M, *self.given(t - AHEAD[0]), R, D)
+        before = self.of(S.surface, t - AHEAD[0], y, P, self.given(t - AHEAD[0]), R, D)
         y = self.ahead(t, x, P, AHEAD[0])
         R, D = self.field(t + AHEAD[0], y, P)[1:]
-        after = S.surface(t + AHEAD[0], y, P.M, *self.given(t + AHEAD[0]), R, D)
+        after = self.of(S.surface, t + AHEAD[0], y, P, self.given(t + AHEAD[0]), R, D)
         for k in near:
             if max(abs(before[k]), abs(after[k])) < KEPT:
                 continue  # it stays at 0
@@ -716,7 +734,7 @@ class Run:
         """Events through whose surface something else than the motion and updates has carried it."""
         S, found = self.S, set()
         R, D = self.field(t, x, P)[1:]
-        now = S.surface(t, x, P.M, *self.given(t), R, D)
+        now = self.of(S.surface, t, x, P, self.given(t), R, D)
         for k, e in enumerate(S.model.events):
             if e.surface is None or not self.before[k]:
                 continue
@@ -724,7 +742,7 @@ class Run:
                 if k not in self.due | self.reached:  # one that rests there is left without firing
                     y = self.ahead(t, x, P, AHEAD[0])
                     R, D = self.field(t + AHEAD[0], y, P)[1:]
-                    ahead = S.surface(t + AHEAD[0], y, P.M, *self.given(t + AHEAD[0]), R, D)[k]
+                    ahead = self.of(S.surface, t + AHEAD[0], y, P, self.given(t + AHEAD[0]), R, D)[k]
                     if abs(ahead) > KEPT:
                         raise UndecidedError("a surface that jumps onto its zero")
                     self.before[k] = 0
@@ -834,28 +852,57 @@ class Run:
         h = S.disc(t, x, P.M, *given, R, []) if S.discs else []
         resting = [k for k in range(len(S.discs)) if math.hypot(h[2 * k], h[2 * k + 1]) < 10 * STOP]
 
-        def assign(j, M, slides, flat, doubtful):
+        def assign(j, M, slides, flat, doubtful, both=()):
             if j == len(S.atoms):
-                choices.append((list(M), dict(slides), tuple(flat), tuple(doubtful)))
+                choices.append((list(M), dict(slides), tuple(flat), tuple(doubtful), tuple(map(list, both))))
                 if len(choices) > 300:
                     raise UndecidedError("too many at one instant")
                 return
             atom = S.atoms[j]
-            value = S.h[j](t, x, M, *given, R, [0.0] * 2 * len(S.discs))[0]
-            near = round(value) if atom.kind == "floor" else 0
-            if abs(value - near) >= AT_ZERO:
-                M[j] = math.floor(value) if atom.kind == "floor" else math.copysign(1, value)
-                assign(j + 1, M, slides, flat, doubtful)
-                return
             stairs = atom.kind == "floor"
+
+            def side(M):
+                """The mode, or None at a zero; and the stair."""
+                value = S.h[j](t, x, M, *given, R, [0.0] * 2 * len(S.discs))[0]
+                near = round(value) if stairs else 0
+                if abs(value - near) < AT_ZERO:
+                    return None, near
+                return math.floor(value) if stairs else math.copysign(1, value), near
+
+            def go_on(mode, slides, flat, doubtful):
+                M[j] = mode
+                for other in both:
+                    other[j] = mode
+                assign(j + 1, M, slides, flat, doubtful, both)
+
+            if both and S.below[j] & slides.keys():
+                modes = [side(other)[0] for other in both]
+                if None in modes:
+                    return  # a zero of a switch of a slide: not tried
+                for other, mode in zip(both, modes):
+                    other[j] = mode
+                M[j] = modes[0]
+                assign(j + 1, M, slides, flat, doubtful, both)
+                return
+            mode, near = side(M)
+            if mode is not None:
+                go_on(mode, slides, flat, doubtful)
+                return
             for mode in (1, -1):
-                M[j] = (near if mode == 1 else near - 1) if stairs else mode
-                assign(j + 1, M, slides, flat, [*doubtful, (j, near, mode)])
-            M[j] = {">": -1, ">=": 1}.get(atom.kind, near)
-            assign(j + 1, M, slides, [*flat, j], [*doubtful, (j, near, 0)])
-            if atom.kind != "kink":
+                value = (near if mode == 1 else near - 1) if stairs else mode
+                go_on(value, slides, flat, [*doubtful, (j, near, mode)])
+            go_on({">": -1, ">=": 1}.get(atom.kind, near), slides, [*flat, j], [*doubtful, (j, near, 0)])
+            if atom.kind == "kink":
+                return
+            if any(j in below for below in S.below):
+                if slides or both:
+                    return
                 M[j] = near - 0.5 if stairs else 0.0
-                assign(j + 1, M, {**slides, j: near if stairs else None}, flat, doubtful)
+                pair = list(M), list(M)
+                pair[0][j], pair[1][j] = (near, near - 1) if stairs else (1.0, -1.0)
+                assign(j + 1, M, {j: near if stairs else None}, flat, doubtful, pair)
+            elif not both:
+                go_on(near - 0.5 if stairs else 0.0, {**slides, j: near if stairs else None}, flat, doubtful)
 
         assign(0, [0.0] * len(S.atoms), {}, [], [])
         kept = []
@@ -863,10 +910,10 @@ class Run:
         stuck = [c for n in range(len(resting) + 1) for c in itertools.combinations(resting, n)]
         if len(choices) * len(held) * len(stuck) > 600:
             raise UndecidedError("too many at one instant")
-        for (M, slides, flat, doubtful), closed, sticks in itertools.product(choices, held, stuck):
+        for (M, slides, flat, doubtful, both), closed, sticks in itertools.product(choices, held, stuck):
             if len(sticks) < len(resting):
                 continue  # a disc that does not stick is looked at below
-            Q = Phase(list(M), slides, closed, sticks, flat)
+            Q = Phase(list(M), slides, closed, sticks, flat, both)
             found = self.flows(t, x, Q, doubtful, [k for k in closing if k not in closed])
             if found is not None:
                 kept.append((Q, found, [d for d in doubtful]))
@@ -882,8 +929,6 @@ class Run:
         Q = kept[0][0]
         for j in Q.slides:
             self.answer.marks.add("slide")
-            if any(j in below for below in S.below):
-                raise UndecidedError("a slide inside of another switch")
             self.require_affine(t, x, Q, j)
         for j in Q.flat:
             self.answer.marks.add("flat")
@@ -909,7 +954,7 @@ class Run:
                         return None
                 if open_:
                     gap = S.gap(t + step, y, Q.M, *self.given(t + step), R, D)
-                    if any(gap[k] < KEPT for k in open_):
+                    if any(gap[k] < LIFTED for k in open_):
                         return None
                 found.append(y)
         except UndecidedError:
@@ -941,14 +986,14 @@ class Run:
         S, given = self.S, self.given(t)
         R, D = self.field(t, x, Q)[1:]
         rates = []
-        for value in (-1.0, 0.0, 1.0):
-            M, stair = list(Q.M), Q.slides[j]
+        for value in (-1.0, 1.0) if Q.branches else (-1.0, 0.0, 1.0):
+            M, stair = list(Q.M if not Q.branches else Q.branches[value < 0]), Q.slides[j]
             M[j] = value if stair is None else stair - 1 + (1 + value) / 2
             g = S.dh[j](t, x, M, *given, R, D)
             rates.append(g[0] + sum(a * b for a, b in zip(g[1:], S.f(t, x, M, *given, R, D))))
-        if abs(rates[0] + rates[2] - 2 * rates[1]) > 1e-9:
+        if not Q.branches and abs(rates[0] + rates[-1] - 2 * rates[1]) > 1e-9:
             raise UndecidedError("hidden terms")
-        if rates[2] > rates[0]:
+        if rates[-1] > rates[0]:
             raise UndecidedError("a slide that repels")
 
     # ---- the whole run
