@@ -6,7 +6,8 @@ beside its own bounds; nothing is handed through the functions between.
     find_orbit(..., max_steps=N, max_seconds=T)     opens one of N steps and T seconds
         solve(..., max_steps=n)                     takes the smaller of n and of what is left
 
-Chain: solve, analysis, sweep -> **budget**; compiled loops come back after every `SLICE` steps and are asked.
+Chain: solve, analysis, sweep -> **budget**; compiled loops come back after a slice of steps, some ten times a second,
+and are asked.
 """
 
 from __future__ import annotations
@@ -16,15 +17,17 @@ import contextvars
 import functools
 import math
 import threading
-import time
 from collections.abc import Callable, Iterator
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
+from ..codegen.machine import clock
 from ..door import checks
 
-SLICE = 10_000  # steps between two looks at the clock: some milliseconds, of the largest systems a second
+SLICE = 10_000  # steps at most between the first two looks at the clock
+VISIT = 0.1  # seconds from one look to the next
+_GROWTH = 8.0  # at most, from one slice of steps to the next
 MOST_STEPS = 10_000_000  # of a call that names no bound
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -52,7 +55,7 @@ class Budget:
     def __init__(self, steps: float = math.inf, seconds: float | None = None, stop: Stop | None = None) -> None:
         self.outer = outer = _current.get()
         self.left = steps if outer is None else max(0, min(steps, outer.left))
-        self.deadline = math.inf if seconds is None else time.monotonic() + seconds
+        self.deadline = math.inf if seconds is None else clock.now() + seconds
         self.stop = stop
         self.watched = not (outer is seconds is stop is None)  # by more than the bound on its own steps
 
@@ -74,15 +77,19 @@ class Budget:
             return False
         if self.stop is not None and self.stop.cell[0]:
             raise Stopped
-        if self.deadline != math.inf and time.monotonic() > self.deadline:
+        if self.deadline != math.inf and clock.now() > self.deadline:
             return True
         return self.outer is not None and self.outer.late()
+
+    def remaining(self) -> float:
+        """Seconds until the time is up."""
+        return self.deadline - clock.now()
 
     @contextlib.contextmanager
     def heard(self) -> Iterator[np.ndarray]:
         """A cell for compiled code, which knows no clock: 1 once the time is up or the caller has gone."""
         stop = self.stop or Stop()
-        remaining = self.deadline - time.monotonic()
+        remaining = self.remaining()
         alarm = None if remaining == math.inf else threading.Timer(max(0.0, remaining), stop.set)
         if alarm:
             alarm.daemon = True
@@ -92,6 +99,27 @@ class Budget:
         finally:
             if alarm:
                 alarm.cancel()
+
+
+class Slices:
+    """How many steps a compiled loop makes before the clock is looked at again: as many as `VISIT` seconds hold."""
+
+    __slots__ = ("begun", "length")
+
+    def __init__(self, length: int) -> None:
+        self.length, self.begun = length, 0.0
+
+    def next(self) -> int:
+        """The length of the next slice, in steps; the first time that of the one whose cost nobody has taken."""
+        begun, self.begun = self.begun, clock.now()
+        if begun:
+            self.length = max(1, int(self.length * VISIT / max(self.begun - begun, VISIT / _GROWTH)))
+        return self.length
+
+
+def first_slice(size: int) -> int:
+    """Steps of the first slice, of whose cost nothing is known but how many numbers a step works on."""
+    return max(1, SLICE // max(1, size))
 
 
 _current: contextvars.ContextVar[Budget | None] = contextvars.ContextVar("budget", default=None)

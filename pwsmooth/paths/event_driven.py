@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import sympy as sp
 
+from ..codegen.machine.clock import preparing
 from ..codegen.machine.units import METHODS, trajectory_loop
 from ..definition.model import Model
 from ..door import calls, checks
@@ -19,7 +20,7 @@ from ..kernels import state as names
 from ..results.records import Dense, EventLog, Outcome, course
 from ..results.solution import Solution
 from . import memory
-from .budget import SLICE, Budget
+from .budget import Budget, Slices, first_slice
 from .call import Call, Options
 from .clock import instants_of_time
 from .derivatives.tangents import Tape
@@ -158,6 +159,7 @@ class EventDriven:
     Nothing of a run stays in them that the next one would see.
     """
 
+    @preparing()
     def __init__(self, model: Model, options: Options, series: bool = True):
         self.model, self.dense = model, options.dense
         self.loop = trajectory_loop()
@@ -186,7 +188,7 @@ class EventDriven:
             self.most_rows = _MOST_ROWS // (8 * (parts.code.n + parts.code.m) * (self.order + 1))
         self.work = parts.work(self.order)
         self.words = event_words(model)
-        self.max_steps = options.max_steps
+        self.max_steps, self.slice = options.max_steps, first_slice(parts.code.n + parts.code.m)
         self.limits = dict(
             order=self.order, rtol=rtol, atol=np.maximum(atol, 1e-300), t_end=0.0,
             max_step=min(options.max_step, longest_step(self.order)),
@@ -366,8 +368,10 @@ class EventDriven:
         number = state.cells.item
         begun = taken = number(_Cells.steps)
         most = min(self.max_steps, begun + spending.left)
+        slices = Slices(self.slice)
+        steps = self.slice
         while True:
-            bound[0] = min(taken + (0 if spending.late() else SLICE), most)
+            bound[0] = min(taken + (0 if spending.late() else steps), most)
             code = advance(record)
             if code != Outcome.TOO_MANY_STEPS and code != Outcome.OUT_OF_MEMORY:
                 break
@@ -381,6 +385,7 @@ class EventDriven:
             if spending.late():
                 code = Outcome.TIME_LIMIT
                 break
+            steps = slices.next()
         spending.spend(number(_Cells.steps) - begun)
         return code, record
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from ..codegen.machine.clock import preparing
 from ..definition.families.recording import Recorder
 from ..definition.families.template import LINKED, family_model
 from ..definition.model import Beside, Model, Multiplier
@@ -94,6 +95,7 @@ def run(call: Call) -> Solution:
 class _Run:
     """The arrays of one run."""
 
+    @preparing()
     def __init__(self, system: Any, options: Any, threads: int):
         from ..codegen.machine.units import local_loop
 

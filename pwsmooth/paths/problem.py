@@ -15,6 +15,7 @@ import sympy as sp
 
 from ..codegen import compile_model
 from ..codegen.families.coupled import MOST
+from ..codegen.machine.clock import preparing
 from ..codegen.machine.units import UNITS, unit_address, unit_addresses
 from ..definition.folds import fold_model
 from ..definition.model import EventSpec, Model, Multiplier
@@ -431,6 +432,7 @@ def _surface_state(model: Model, mu: Multiplier | EventSpec) -> int:
 
 
 @functools.lru_cache(maxsize=64)
+@preparing()
 def compiled_problem(model: Model, series: bool = True) -> CompiledProblem:
     """The compiled problem of a model; the last ones are kept. Its addresses live as long as the object."""
     return CompiledProblem(model, series)

@@ -19,7 +19,7 @@ from pwsmooth.kernels.outcome import Outcome
 from pwsmooth.kernels.state import ALWAYS, PLAIN, SILENT, TIMED
 from pwsmooth.kernels.stiff import state as S
 from pwsmooth.paths import memory
-from pwsmooth.paths.budget import MOST_STEPS, opened
+from pwsmooth.paths.budget import MOST_STEPS, Slices, first_slice, opened
 from pwsmooth.paths.clock import instants_of_time
 from pwsmooth.paths.stiff_arrays import core
 
@@ -27,7 +27,7 @@ METHODS = ("auto", "radau5", "radau9", "radau13", "taylor")
 SCIPY_METHODS = ("Radau", "BDF", "LSODA", "DOP853")
 # Looser tolerances were seen to step over layers in spite of the gate.
 LOOSEST_RTOL = 1e-3
-_CHUNK = 4096  # steps between two looks at the keyboard
+_CHUNK = 4096  # steps at most between two looks at the clock and the keyboard
 # Of the span, in stiff_loop.STALL attempts: at a slower pace the end is 10^10 attempts away.
 _LEAST_ADVANCE = 1e-6
 
@@ -185,10 +185,12 @@ def integrate(
             for event, own in zip(kinds, run.remembers)
         ]
 
+    steps = min(first_slice(compiled.n), _CHUNK)
+    slices = Slices(steps)
     pieces, polynomials, events = [(np.array([t0]), run.x[None].copy())], [], []
     while True:
         before = run.t
-        status = chunk(run.address, _CHUNK)
+        status = chunk(run.address, steps)
         k = run.points
         pieces.append((run.times[:k].copy(), run.states[:k].copy()))
         if dense:
@@ -206,6 +208,7 @@ def integrate(
         if spending.late():
             status = Outcome.TIME_LIMIT
             break
+        steps = min(slices.next(), _CHUNK)
         # The Solution will hold the polynomials once more, of degree 16 at most.
         if dense and len(pieces) % 16 == 0 and not memory.fits(len(polynomials) * 8 * 17 * compiled.n):
             break

@@ -194,7 +194,7 @@ def sweep(
     )  # fmt: skip
     plan, where = planned.plan, planned.where
     limit = checks.optional(checks.positive)(max_seconds, "`max_seconds`")
-    left = spending().deadline - time.monotonic()  # of the call that this one is part of
+    left = spending().remaining()  # of the call that this one is part of
     deadline = time.time() + min(left, math.inf if limit is None else limit)
 
     def target() -> int:

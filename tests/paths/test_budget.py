@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 
 import numpy as np
@@ -23,6 +24,7 @@ from pwsmooth import (
     sweep,
 )
 from pwsmooth.analysis.maps.sections import Section, Stroboscopic
+from pwsmooth.codegen.machine import clock, native
 from pwsmooth.paths import budget  # fmt: skip
 
 t, x, v, k = sp.symbols("t x v k", real=True)
@@ -58,7 +60,7 @@ def test_a_run_out_of_time_says_so_and_keeps_where_it_was(path):
 def test_a_run_that_is_over_in_time_keeps_its_bits(path, monkeypatch):
     """The loop is left and entered again: after every slice of steps as after none."""
     one = PATHS[path](max_steps=3000)
-    monkeypatch.setattr("pwsmooth.paths.event_driven.SLICE", 7)
+    monkeypatch.setattr(budget.Slices, "next", lambda slices: 7)
     other = PATHS[path](max_steps=3000, max_seconds=1e6)
     assert one.outcome is other.outcome is Outcome.TOO_MANY_STEPS
     assert (
@@ -66,6 +68,64 @@ def test_a_run_that_is_over_in_time_keeps_its_bits(path, monkeypatch):
         and np.array_equal(one.x, other.x)
         and np.array_equal(one.t, other.t)
     )
+
+
+class Watch:
+    """A clock that tests set, in the place of that of the process."""
+
+    def __init__(self, monkeypatch):
+        self.seconds = 100.0
+        monkeypatch.setattr(clock, "time", self)
+
+    def monotonic(self):
+        return self.seconds
+
+
+def test_a_slice_has_as_many_steps_as_fit_between_two_looks(monkeypatch):
+    watch, cost = Watch(monkeypatch), 1e-3  # seconds a step
+    slices = budget.Slices(budget.first_slice(1200))
+    lengths = []
+    for _ in range(5):
+        lengths.append(slices.next())
+        watch.seconds += lengths[-1] * cost
+    assert lengths[0] == lengths[1] // budget._GROWTH == 8  # 8 ms: more, but not at once
+    assert lengths[2:] == [100, 100, 100]
+    cost = 10.0  # whatever a step costs
+    watch.seconds += 100 * cost
+    assert slices.next() == 1
+
+
+def test_the_clock_stands_still_while_something_is_made_ready(monkeypatch):
+    watch, begun = Watch(monkeypatch), clock.now()
+    with clock.preparing():
+        watch.seconds += 5
+        with clock.preparing():
+            watch.seconds += 5
+            assert clock.now() == begun
+        watch.seconds += 5
+        other = threading.Thread(target=lambda: seen.append(clock.now()))
+        seen = []
+        other.start()
+        other.join()
+    watch.seconds += 1
+    assert seen == [begun] and clock.now() == begun + 1
+
+
+@pytest.mark.parametrize("method", ["taylor", "stiff"])
+def test_compiling_is_no_part_of_a_run(method, monkeypatch):
+    watch, build = Watch(monkeypatch), native.build
+    compiled = []
+
+    def slow(text):
+        watch.seconds += 60
+        compiled.append(text)
+        return build(text)
+
+    monkeypatch.setattr(native, "build", slow)
+    number = sp.Rational(time.time_ns() % 10**9, 10**10)  # of no run before
+    system = System({x: sp.cos(3 * x + number) - x})
+    run = solve(system, (0, 5), {x: 0.3}, method=method, max_seconds=1)
+    assert compiled and run.success
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ from pathlib import Path
 from pkgutil import iter_modules
 
 from .cache import kernels, load_kernels
+from .clock import preparing
 from .objects import link, unit_marks
 from .workers import announced, compile_beside
 
@@ -143,6 +144,7 @@ def tangent_growth():
 
 
 @cache
+@preparing()
 def stiff_loop():
     """kernels.stiff.loop.integrate as a Python function of the address of a Core and a number of steps, and the
     addresses of the units that it calls."""

@@ -10,6 +10,8 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 
+from .clock import preparing
+
 # Numba makes millions of objects and hardly a circle of them: to look for these would take a twelfth of the time.
 _WORKER = """
 import gc, sys
@@ -51,7 +53,8 @@ def announced(what: str, parts: int = 1, *, after: float = 0.0) -> Iterator[Call
     timer.daemon = True
     timer.start() if after else tell()
     try:
-        yield one_more
+        with preparing():
+            yield one_more
     finally:
         timer.cancel()
         if told.is_set():

@@ -28,6 +28,7 @@ from ...definition.model import Model, tables_of
 from ...kernels.stiff.state import STRIDE
 from ..graph.scalar import write_update
 from ..machine import cache
+from ..machine.clock import preparing
 from .attempt import Attempt, possible
 from .graph import GradedGraph
 from .linear import Elimination, factor_lines, length, plan, solve_lines
@@ -101,6 +102,7 @@ class CompiledStiff:
 
 
 @functools.lru_cache(maxsize=64)
+@preparing()
 def compile_stiff(model: Model) -> CompiledStiff:
     """Compile the stiff functions of a model without multipliers; the last ones are kept.
 
