@@ -233,8 +233,8 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled,
     one = OneElement()
     try:
         plain = definition.read(rates, time, parameters, outputs, events, contacts, algebraic, sampled, one)
-        if plain.controls:  # whose parameters no element has
-            return None
+        if plain.controls or len(plain.field.algebraic) > len(plain.algebraic):
+            return None  # their parameters, and mobilities, are those of no element
         template = _template(*(view(plain.field) if view else (plain.field,)), one=one)
         families = Families(template, tuple(f.n for f in one.families), one.links())
         far = [families.sizes[p.family] <= abs(p.offset) < LINKED for p in one.places.values()]

@@ -15,6 +15,7 @@ from .controls import Control
 from .families.expansion import Expansion
 from .lifting import Lifting, plain
 from .lowering import Field
+from .mobilities import with_mobilities
 from .model import Beside, EventSpec, of_event
 from .primitives import Algebraic, Disc, Event, Memory, Reaction, Switch, Unilateral, symbols_of
 
@@ -138,7 +139,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled,
     switches = tuple(lift.notation[lam] for lam, _ in field.switches)
     return Definition(
         written, seen, events, tuple(reactions), tuple(controls), algebraic, switches, tuple(lift.discs), memories,
-        values, families.groups, field,
+        values, families.groups, with_mobilities(field),
     )  # fmt: skip
 
 

@@ -185,11 +185,11 @@ class FromImpact(FromEvent):
     def happening(self, line: Any, t: float, x: np.ndarray, p: np.ndarray) -> Happening:
         model = line.model
         index = index_of(model, self.name)
-        contact, mult = model.multipliers[index], np.zeros(len(model.multipliers))
+        contact, (mult, J) = model.multipliers[index], line.unknowns(t, x, p)
         h_w, h_t, _ = line.gradient(contact.surface, t, x, mult, p)
         speed = -_speed_of(line, index, t, x, mult, p)
         h = float(function_of(model, contact.surface)(np.array([t]), x[:, None], mult[:, None], p)[0])
-        behind, R_w, R_t = line.jump(contact.impact, t, x, mult, p)
+        behind, R_w, R_t = line.jump(contact.impact, t, x, mult, p, J)
         return Happening(h, h_w, h_t, behind, R_w, R_t, speed)
 
     def systems(self) -> tuple[Any, Any]:

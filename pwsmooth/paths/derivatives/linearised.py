@@ -20,6 +20,8 @@ from ...definition.model import Model
 from ...definition.regularity import total_derivative
 from ...results.outputs import vectorised
 
+_NEWTON = 8  # steps for unknowns, which are those of linear equations as a rule
+
 
 @dataclass(frozen=True)
 class Blocks:
@@ -105,6 +107,15 @@ class Linearised:
         """Which multipliers are solved at a status (m,)."""
         return [j for j in range(self.m) if status[j] == 0 and self.solvable[j]]
 
+    def unknowns(self, t: float, x: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, list[int]]:
+        """The multipliers (m,) at one point, those that are always solved for by Newton's method and all others 0; the
+        numbers of the former."""
+        mult, J = np.zeros(self.m), [j for j, mu in enumerate(self.model.multipliers) if mu.kind == "algebraic"]
+        for _ in range(_NEWTON if J else 0):
+            c, _, c_lam = self.constraints(np.array([t]), x[:, None], mult[:, None], p)
+            mult[J] -= np.linalg.solve(c_lam[0][np.ix_(J, J)], c[0, J])
+        return mult, J
+
     # ---- at instants
 
     def gradient(self, surface: sp.Expr, t: float, x: Any, mult: Any, p: Any) -> tuple[np.ndarray, ...]:
@@ -117,11 +128,20 @@ class Linearised:
         model = self.model
         return total_derivative(model.multipliers[index].surface, model.time, model.states, model.rhs)
 
-    def jump(self, new: tuple[sp.Expr, ...], t: float, x: Any, mult: Any, p: Any) -> tuple[np.ndarray, ...]:
-        """A reset R(t, x), an expression a state, at one point: R (n,), R_w (n, N) and R_t (n,)."""
-        values = _jump(self.model, self.chosen, new)(np.array([t]), x[:, None], mult[:, None], p)[:, 0]
+    def jump(
+        self, new: tuple[sp.Expr, ...], t: float, x: Any, mult: Any, p: Any, J: Sequence[int]
+    ) -> tuple[np.ndarray, ...]:
+        """A reset R(t, x), an expression a state, at one point: R (n,), R_w (n, N) and R_t (n,), the multipliers J
+        eliminated."""
+        at = np.array([t]), x[:, None], mult[:, None], p
+        values = _jump(self.model, self.chosen, new)(*at)[:, 0]
         n, N = self.n, self.N
-        return values[:n], values[n : n + n * N].reshape(n, N), values[n + n * N :]
+        slopes = values[n:].reshape(n, N + 1 + self.m)
+        R_w, R_t, R_lam = slopes[:, :N], slopes[:, N], slopes[:, N + 1 :][:, J]
+        if R_lam.any():
+            lam_w, lam_t = self.blocks(*at).solved(J)
+            R_w, R_t = R_w + R_lam @ lam_w[0], R_t + R_lam @ lam_t[0]
+        return values[:n], R_w, R_t
 
 
 def _stacked(model: Model, expressions: Sequence[sp.Expr]) -> Any:
@@ -158,8 +178,8 @@ def _gradient(model: Model, chosen: tuple[sp.Symbol, ...], surface: sp.Expr) -> 
 
 @functools.lru_cache(maxsize=256)
 def _jump(model: Model, chosen: tuple[sp.Symbol, ...], new: tuple[sp.Expr, ...]) -> Any:
-    w = (*model.states, *chosen)
-    return _stacked(model, [*new, *(e.diff(s) for e in new for s in w), *(e.diff(model.time) for e in new)])
+    symbols = [*model.states, *chosen, model.time, *(mu.symbol for mu in model.multipliers)]
+    return _stacked(model, [*new, *(e.diff(s) for e in new for s in symbols)])
 
 
 @functools.lru_cache(maxsize=64)

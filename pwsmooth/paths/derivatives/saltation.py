@@ -212,7 +212,7 @@ class _Instant:
         for rounds in _rounds(jumps):
             R, W, T = self.x, np.eye(n, N), np.zeros(n)
             for events in rounds:
-                R, R_w, R_t = line.jump(self._together(events), self.t, R, self.mult, self.p)
+                R, R_w, R_t = line.jump(self._together(events), self.t, R, self.mult, self.p, self.J)
                 W, T = R_w @ np.concatenate([W, extra]), R_w[:, :n] @ T + R_t
             if np.allclose(R, self.x_after, rtol=_LANDED, atol=_LANDED):
                 return W, T, True
