@@ -13,6 +13,9 @@ BOTH, ANY = 2, 3
 # surface at 0, or an accumulation has left it there.
 SOLVED, HELD = 0, 2
 
+# In `deflate` of what is HELD: its friction has no strength yet, and grows; it is settled a moment later.
+GROWS = 9
+
 # What happened at an instant.
 (
     EV_CROSSING,

@@ -27,7 +27,7 @@ from .instant.folds import (
 )
 from .instant.invariants import CHECK, broken_by
 from .instant.settling import release_held
-from .instant.surface_rates import any_is, keep_surfaces
+from .instant.surface_rates import MOMENT, any_is, is_growing, keep_surfaces
 from .instant.twofolds import two_fold
 from .intervals import time_size
 from .machine.compiling import inlined_kernel, kernel, loop_kernel, unit
@@ -309,6 +309,8 @@ def _end_in_time(P, C, S, R, W, h):
         return h, GO_ON
     if step.kind != PAIR and step.kind != START and SHORTEST_AGAIN * h <= S.step <= h and after_event(P, S):
         h = S.step
+    if step.held and is_growing(P, S):
+        h = min(h, MOMENT * S.unit)
     left = step.stop - S.t
     if h >= left:
         W.end.stopped = 1

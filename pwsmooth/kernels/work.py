@@ -309,6 +309,8 @@ class Instant(Bundle):
     stood: "f8[m + ne]"  # the surfaces before something at this instant may have moved them
     came: "i8[m]"  # status before the instant
     active: "i8[m]"  # switches that are settled
+    faint: "i8[m]"  # whether they may have no strength
+    weak: "i8[m]"  # those of them that have none
     kept: "i8[2, m]"  # these, while discs are, and the status of all before
     arrival: "i8[m]"  # side of arrival of the active ones
     group: "i8[m]"  # those whose layers are settled together
@@ -330,6 +332,7 @@ class Work(Bundle):
     dh: "f8[gradients]"  # entries of the sparse gradients of the surfaces, then (m + ne) derivatives by time
     mask: "i8[m]"  # multipliers that are solved for
     disc: "f8[4, 6]"  # small matrices of a disc
+    moment: "f8[n + m + 1]"  # states, multipliers and time while a moment later is looked at
     closing_t: "float"  # see step/closing.py
     closing_x: "f8[n]"
     closing_mult: "f8[m]"

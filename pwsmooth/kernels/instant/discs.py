@@ -21,6 +21,7 @@ from ..state import (
     EV_STICK,
     EV_TANGENCY,
     GO_ON,
+    GROWS,
     HELD,
     NOTHING,
     SLIDING,
@@ -31,8 +32,9 @@ from ..surface.dependent import put_at_rest
 from ..surface.layer import ARRIVE
 from ..surface.sliding import INSIDE, keep_at_rest, mask_solved
 from ..surface.sparse import link
-from ..surface.vector import begins, push_of_disc, pushes_back, slopes_of_disc, turn
+from ..surface.vector import begins, own_slopes, push_of_disc, pushes_back, slopes_of_disc, turn
 from .settling import layer_code, settle_arrivals, settle_at_rest
+from .surface_rates import look_ahead, look_back
 from .together import depend, settle_dependent
 
 ALONE, AT_REST, ARRIVING = range(3)  # how discs are settled: without switches, or with those at their surfaces
@@ -41,7 +43,7 @@ _BOUND = 1e-13  # by which lambda . lambda may exceed 1 in a stick
 _MOVED = 1e-12  # of G, above which something acts
 _SAME = 1e-9  # of lambda: by less the force of a stick has not jumped
 _ALONG = 0.9  # cosine: h/|h| next to h = 0 is made of roundings
-_LOOK = 1e-6  # of time, ahead
+_FAINT = 1e-3  # of a strength a moment later: what is as small begins to grow only now
 _NUDGE = 1e-4  # of lambda, from a root that repels
 _STILL = 100.0  # tolerances of h: what may be left of a slip where another one has come to rest, as in step/resting.py
 
@@ -72,23 +74,30 @@ def release(P, S, j):
 def _settle_without_force(P, S, W, j):
     """Disc j at h = 0, where its lambda does not act: it is carried away, or stays as long as nothing moves it."""
     push = push_of_disc(P, S, W, j)
-    if push <= _MOVED:
-        for i in range(P.n):
-            W.instant.x[i] = S.x[i]
-            S.x[i] += _LOOK * W.dx[i]
-        t, S.t = S.t, S.t + _LOOK
-        push = push_of_disc(P, S, W, j)
-        S.t = t
-        for i in range(P.n):
-            S.x[i] = W.instant.x[i]
     for k in range(j + 1, j + 1 + P.dim[j]):
         S.mult[k] = W.g[k] if push > _MOVED else 0.0
     if push > _MOVED:
         release(P, S, j)
-        return
-    S.status[j], S.mult[j] = HELD, 0.0
+    else:
+        _rest_without_force(P, S, j, 0.0)
+
+
+@kernel
+def _rest_without_force(P, S, j, mult):
+    """Disc j is HELD at h = 0; mult is 0 if nothing acts on it, INSIDE if its friction begins to."""
+    S.status[j], S.mult[j], S.deflate[j] = HELD, mult, GROWS if mult > 0.0 else 0
     for k in range(j + 1, j + 1 + P.dim[j]):
         S.status[k] = HELD
+
+
+@kernel
+def _has_no_strength(P, S, W, j):
+    """Whether the lambda of disc j does not act now, or only begins to."""
+    now = slopes_of_disc(P, S, W, j)
+    look_ahead(P, S, W)
+    later = slopes_of_disc(P, S, W, j)
+    look_back(P, S, W)
+    return now <= _FAINT * later
 
 
 @kernel
@@ -177,16 +186,33 @@ def settle_disc(P, S, R, W, j, arrives):
 
     It comes in the direction of slip in the components' multipliers (`arrives`), or from the lambda that stands there.
     """
-    d, may_touch = P.dim[j], arrives and W.meeting.blurred[j] > 0.0
     W.meeting.widest[j] = 0.0  # the next slip has its own scale
-    for k in range(j + 1, j + 1 + d):
+    for k in range(j + 1, j + 1 + P.dim[j]):
         W.instant.mult[k] = S.mult[k]
     hold(P, S, j)
     keep_at_rest(P, S, W)
-    for k in range(j + 1, j + 1 + d):
+    for k in range(j + 1, j + 1 + P.dim[j]):
         W.together.move[k] = 0.0
-    if depend(P, S, W, j):
+    if depend(P, S, W, j, False):
         return settle_dependent(P, S, R, W, False)
+    if not _has_no_strength(P, S, W, j):
+        if len(P.contact) > 0 and depend(P, S, W, j, True):
+            return settle_dependent(P, S, R, W, False)
+        return _settle_one(P, S, R, W, j, arrives)
+    look_ahead(P, S, W)
+    code = _settle_one(P, S, R, W, j, False)
+    for k in range(j, j + 1 + P.dim[j]):
+        W.moment[P.n + k] = S.mult[k]
+    look_back(P, S, W)
+    if S.status[j] == SOLVED:
+        _rest_without_force(P, S, j, INSIDE)
+    return code
+
+
+@kernel
+def _settle_one(P, S, R, W, j, arrives):
+    """As settle_disc, of a disc that is held by itself."""
+    d, may_touch = P.dim[j], arrives and W.meeting.blurred[j] > 0.0
     slope = slopes_of_disc(P, S, W, j)
     push = push_of_disc(P, S, W, j)
     if slope == 0.0:
@@ -373,7 +399,7 @@ def settle_discs(P, C, S, R, W, jumped):
         if W.instant.came[j] == SOLVED and not jumped:
             W.instant.hit[j] = False
             code = GO_ON
-            if depend(P, S, W, j):
+            if depend(P, S, W, j, False):
                 for i in range(W.together.size):
                     W.instant.hit[P.disc_of[W.together.comp[i]]] = False
                 code = settle_dependent(P, S, R, W, True)
@@ -408,14 +434,25 @@ def settle_discs(P, C, S, R, W, jumped):
 
 
 @kernel
+def _acts(P, S, W, j):
+    """Whether something moves disc j, which stays at h = 0, or its friction acts."""
+    return push_of_disc(P, S, W, j) > _MOVED or slopes_of_disc(P, S, W, j) > 0.0
+
+
+@kernel
 def release_discs(P, S, R, W):
     """Discs that stay at h = 0 without friction, on which something has begun to act: a code, NOTHING if none."""
     some = False
     for j in range(P.m):
-        if P.kind[j] != DISC or S.status[j] != HELD:
+        if P.kind[j] != DISC or S.status[j] != HELD or S.deflate[j] == GROWS:
             continue
-        acts = push_of_disc(P, S, W, j) > _MOVED or slopes_of_disc(P, S, W, j) > 0.0
-        if W.h[j] > 0.0:
+        acts = _acts(P, S, W, j)
+        if not acts:
+            look_ahead(P, S, W)
+            acts = _acts(P, S, W, j)
+            look_back(P, S, W)
+        push_of_disc(P, S, W, j)
+        if W.h[j] > 0.0 and S.mult[j] == 0.0:
             # It has been carried away by less than a look ahead saw.
             S.status[j], S.mult[j] = 1, 1.0
             free_components(P, S, W)
@@ -438,6 +475,9 @@ def resettle_discs(P, C, S, R, W, switches):
         if P.kind[j] != DISC or S.status[j] != SOLVED:
             continue
         slope = slopes_of_disc(P, S, W, j)
+        if slope == 0.0 and own_slopes(P, S, W, j) == 0.0 and push_of_disc(P, S, W, j) <= _MOVED:
+            _settle_without_force(P, S, W, j)  # its load has come to an end
+            continue
         # A switch that has settled may have solved for this lambda as well, and left it beyond its bound.
         if S.mult[j] > 1.0 + _SAME or not push_of_disc(P, S, W, j) <= _SAME * slope + _MOVED:
             code = settle_disc(P, S, R, W, j, False)

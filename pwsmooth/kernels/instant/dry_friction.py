@@ -17,10 +17,10 @@ import math
 from ..machine.compiling import kernel
 from ..machine.pointers import call_linear, call_newton
 from ..outcome import Outcome
-from ..state import AMB_FORCES, EV_RESET, EV_TANGENCY, GO_ON, HELD, NOTHING, SLIDING, SOLVED
+from ..state import AMB_FORCES, EV_RESET, EV_TANGENCY, GO_ON, GROWS, HELD, NOTHING, SLIDING, SOLVED
 from ..step.recording import record_ambiguity, record_event
 from ..step.steps import surface_rows
-from ..surface.dependent import independent, slopes_of_group
+from ..surface.dependent import PARTS, holds, independent, slopes_of_group
 from ..surface.sharing import FULL, least_load, slip_or_stick
 from ..surface.sliding import mask_solved
 from ..surface.sparse import find_strengths, link, solve_dense, solve_masked
@@ -28,7 +28,6 @@ from .holding import is_supported
 
 _SYMMETRIC = 1e-7  # of slopes, which differences tell
 _ALIKE = 1e-9  # of a slope: what is left of it where the others that stick determine the surface
-_PARTS = 1e-9  # of what friction does: less of a drift is rounding
 _PUSH = 1e-4  # of a friction: enough of a drift that is of higher order to tell which let go
 _SPARE = 0.9  # of the room to its bound: how far a lambda that is solved for may be led towards it
 
@@ -133,18 +132,6 @@ def _push_by_drift(W):
 
 
 @kernel
-def _holds(P, S, W):
-    """Whether together.lam holds all of the group, also those that the others determine."""
-    group, holds = W.together, True
-    for r in range(group.size):
-        rest = group.g[r]
-        for c in range(group.size):
-            rest += group.J[r, c] * (group.lam[c] - S.mult[group.comp[c]])
-        holds = holds and abs(rest) <= _PARTS * abs(group.J[r, r])
-    return holds
-
-
-@kernel
 def _find_lambda(P, S, W, rank, leaves):
     """Overwrites together.lam by what holds the group, or by that with which it moves on; the largest |lambda| that
     holds it, inf if none does, and whether it moves."""
@@ -154,7 +141,7 @@ def _find_lambda(P, S, W, rank, leaves):
         if W.instant.parting > 0:
             _push_by_drift(W)
         load = least_load(P, S, W, rank)
-        parts = not _holds(P, S, W)
+        parts = not holds(S, W)
         if parts and leaves:
             return math.inf, False
     else:
@@ -323,7 +310,8 @@ def begins_to_part(P, C, S, W, h):
     parting = C.order + 1
     instant.drift[:] = 0.0
     for j in range(P.m):
-        if S.status[j] != HELD or P.kind[j] != SLIDING or all_rows[j] < 0:
+        grows = S.deflate[j] == GROWS
+        if S.status[j] != HELD or P.kind[j] != SLIDING or all_rows[j] < 0 or grows:
             continue
         size = h * abs(W.G[P.g_diagonal[j]])
         for e in range(P.dh_row[j], P.dh_row[j + 1]):
@@ -331,7 +319,7 @@ def begins_to_part(P, C, S, W, h):
                 size += abs(W.dh[e] * rows[P.dh_col[e], k]) * h**k
         for k in range(1, min(parting, C.order) + 1):
             drift = rows[all_rows[j], k]
-            if abs(drift) * h**k > max(_PARTS, 10.0 * C.rtol) * size:
+            if abs(drift) * h**k > max(PARTS, 10.0 * C.rtol) * size:
                 if k < parting:
                     instant.drift[:] = 0.0
                     parting = k
@@ -343,17 +331,12 @@ def begins_to_part(P, C, S, W, h):
 
 @kernel
 def let_part(P, S, R, W):
-    """What switches do that `begins_to_part` has found; a code."""
+    """What switches do that `begins_to_part` has found and that stand in loops; a code, and how many there are in
+    W.instant.active that stand in none."""
     instant, size, code = W.instant, 0, GO_ON
     for j in range(P.m):
-        if instant.drift[j] != 0.0 and is_supported(P, S, W, j):
-            S.status[j] = 1 if instant.drift[j] > 0.0 else -1
-            S.mult[j], S.deflate[j] = float(S.status[j]), instant.parting
-            record_event(S, R, j, EV_TANGENCY, 0, S.status[j])
-        elif instant.drift[j] != 0.0:
-            instant.group[size] = j
+        if instant.drift[j] != 0.0:
+            instant.active[size] = instant.group[size] = j
             size += 1
-    if size > 0:
-        code = settle_friction(P, S, R, W, size, False)
-    instant.parting = 0
-    return Outcome.SINGULAR if code == NOTHING else code
+    code = settle_friction(P, S, R, W, size, False)
+    return code, size

@@ -244,7 +244,7 @@ def _rests_at_zero(P, S, R, j):
 
 
 @kernel
-def _settle_switches(P, C, S, R, W, fold, fold_way):
+def _settle_switches(P, C, S, R, W):
     """Every switch that is met leaves its bound, crosses or slides; a code, and whether one has changed."""
     instant = W.instant
     m, mult, status = P.m, S.mult, S.status
@@ -326,21 +326,6 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
                 S.minute = 0
             if P.step_unit != 0:
                 step_inside(P, S, j, W)
-    if fold >= 0:
-        S.layers += 1
-        at_fold = mult[fold]
-        outcome = call_layer_unit(P.layer_unit, P, S, W, LEAVE_FOLD, fold, fold_way, 0.0)
-        code = layer_code(P, S, R, fold, outcome)
-        if code == GO_ON and P.disc_of[fold] >= 0:
-            fold = P.disc_of[fold]
-            at_fold = mult[fold]
-            code = slip_by_layer(P, S, W, fold)
-        if code != GO_ON:
-            return code, True
-        # A fold at the bound is left as a tangency is: the field does not jump.
-        S.deflate[fold] = 2 if status[fold] != SOLVED and abs(mult[fold] - at_fold) <= 1e-6 else 1
-        record_event(S, R, fold, EV_FOLD_TO_SLIDING if status[fold] == SOLVED else EV_FOLD, 0, status[fold])
-        switched = True
     if P.discs != 0:
         code, some = settle_discs(P, C, S, R, W, jumped)
         if code != GO_ON:
@@ -352,6 +337,25 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
             return code, True
         switched = True
     return GO_ON, switched
+
+
+@kernel
+def _leave_fold(P, S, R, W, fold):
+    """The switch or disc that stands at the fold of its root goes where its layer takes it from there; a code."""
+    mult, status, at_fold = S.mult, S.status, S.mult[fold]
+    S.layers += 1
+    outcome = call_layer_unit(P.layer_unit, P, S, W, LEAVE_FOLD, fold, W.instant.way, 0.0)
+    code = layer_code(P, S, R, fold, outcome)
+    if code == GO_ON and P.disc_of[fold] >= 0:
+        fold = P.disc_of[fold]
+        at_fold = mult[fold]
+        code = slip_by_layer(P, S, W, fold)
+    if code != GO_ON:
+        return code
+    # A fold at the bound is left as a tangency is: the field does not jump.
+    S.deflate[fold] = 2 if status[fold] != SOLVED and abs(mult[fold] - at_fold) <= 1e-6 else 1
+    record_event(S, R, fold, EV_FOLD_TO_SLIDING if status[fold] == SOLVED else EV_FOLD, 0, status[fold])
+    return GO_ON
 
 
 @kernel
@@ -524,8 +528,16 @@ def at_instant(P, C, S, R, W):
 
 @kernel
 def _settle(P, C, S, R, W, fold, only, struck):
-    """Contacts and switches in turns until neither changes; a code."""
+    """Contacts and switches in turns until neither changes; a code.
+
+    What leaves a fold comes first: there is no root there by which contacts could be looked at.
+    """
     instant = W.instant
+    if fold >= 0:
+        code = _leave_fold(P, S, R, W, fold)
+        if code != GO_ON:
+            return code
+        struck = True
     for turn in range(MOST_AT_ONCE + 1):
         if turn == MOST_AT_ONCE:
             return Outcome.CHATTERING
@@ -541,7 +553,7 @@ def _settle(P, C, S, R, W, fold, only, struck):
                 break
         code, switched = NOTHING, True
         if only < 0 or turn > 0:
-            code, switched = _settle_switches(P, C, S, R, W, fold if turn == 0 else -1, instant.way)
+            code, switched = _settle_switches(P, C, S, R, W)
             if code != GO_ON:
                 return code
         code = pass_accumulation(P, C, S, R, W) if turn == 0 else NOTHING

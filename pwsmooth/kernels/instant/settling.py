@@ -3,7 +3,7 @@
 import math
 
 from ..machine.compiling import kernel
-from ..machine.pointers import call_layer_unit, call_newton, call_others
+from ..machine.pointers import call_layer_unit, call_linear, call_newton, call_others
 from ..outcome import Outcome
 from ..state import (
     AMB_HIDDEN_OSCILLATION,
@@ -12,7 +12,9 @@ from ..state import (
     COMPONENT,
     DISC,
     EV_RESET,
+    EV_TANGENCY,
     GO_ON,
+    GROWS,
     HELD,
     NOTHING,
     SECOND_ORDER,
@@ -34,9 +36,10 @@ from .holding import (
     rest_with_friction,
     some_second_order,
 )
-from .surface_rates import any_is, evaluate_surfaces, order_of_leaving, residual
+from .surface_rates import any_is, evaluate_surfaces, look_ahead, look_back, order_of_leaving, residual
 
 _SAME = 1e-9  # of lambda: by less a slide is at its bound
+_FAINT = 1e-3  # of a strength a moment later: what is as small begins to grow only now
 
 
 @kernel
@@ -99,12 +102,92 @@ def settle_together(P, S, R, W, size, joint):
 
 
 @kernel
+def _strength(P, S, W, j):
+    """How much lambda_j changes g_j, whatever else is solved for following."""
+    middle = residual(P, S, W, j, 0.0)
+    return max(abs(residual(P, S, W, j, 1.0) - middle), abs(residual(P, S, W, j, -1.0) - middle))
+
+
+@kernel
+def _note_slopes(P, S, W, size):
+    """Overwrites instant.faint: which of active[:size] may have no strength, as slopes say, or contacts beside them."""
+    slope, faint = W.linear.start, W.instant.faint
+    evaluate_surfaces(P, S, W)
+    for a in range(size):
+        slope[W.instant.active[a]] = W.G[P.g_diagonal[W.instant.active[a]]]
+    look_ahead(P, S, W)
+    evaluate_surfaces(P, S, W)
+    look_back(P, S, W)
+    for a in range(size):
+        j = W.instant.active[a]
+        weaker = abs(slope[j]) <= _FAINT * abs(W.G[P.g_diagonal[j]])
+        faint[j] = int(weaker or len(P.contact) > 0)
+
+
+@kernel
+def _has_no_strength(P, S, W, j):
+    """Whether nothing that switch j does acts on its surface now: it has no load, or another one keeps it there."""
+    now = _strength(P, S, W, j)
+    look_ahead(P, S, W)
+    later = _strength(P, S, W, j)
+    look_back(P, S, W)
+    return now <= _FAINT * later
+
+
+@kernel
+def _settle_without_strength(P, C, S, R, W, j):
+    """Switch j at its surface, on which its lambda does not act: it is held as long as nothing moves it, or until its
+    strength has grown, or it is carried away; a code."""
+    parts = W.instant.parting > 0 and W.instant.drift[j] != 0.0
+    look_ahead(P, S, W)
+    W.instant.active[0] = j
+    code = _one_at_rest(P, S, R, W, j) if parts or hold_supported(P, S, W, 1) > 0 else GO_ON
+    lam = S.mult[j]
+    look_back(P, S, W)
+    S.mult[j] = lam
+    S.deflate[j] = 0
+    if S.status[j] == SOLVED:
+        S.status[j], S.deflate[j] = HELD, GROWS
+    elif S.status[j] != HELD and parts:
+        S.status[j] = 1 if W.instant.drift[j] > 0.0 else -1
+        S.mult[j], S.deflate[j] = float(S.status[j]), W.instant.parting
+    elif S.status[j] != HELD:
+        S.deflate[j] = max(1, abs(order_of_leaving(P, C, S, W, j)))
+    return code
+
+
+@kernel
 def settle_at_rest(P, C, S, R, W, size):
-    """Settles the switches active[:size], at rest on their surfaces: jointly where coupled, else one by one."""
-    instant = W.instant
+    """Settles the switches active[:size], at rest on their surfaces: jointly where coupled, else one by one; last those
+    that have no strength."""
+    instant, strong, count = W.instant, 0, 0
     for a in range(size):
         S.mult[instant.active[a]] = 0.0
-    size = hold_supported(P, S, W, hold_second_order(P, S, R, W, size))
+    size = hold_second_order(P, S, R, W, size)
+    _note_slopes(P, S, W, size)
+    for a in range(size):
+        j = instant.active[a]
+        if instant.faint[j] and _has_no_strength(P, S, W, j):
+            instant.weak[count] = j
+            count += 1
+        else:
+            instant.active[strong] = j
+            strong += 1
+    code = _settle_strong(P, S, R, W, hold_supported(P, S, W, strong))
+    for a in range(count):
+        one = _settle_without_strength(P, C, S, R, W, instant.weak[a])
+        code = code if one == GO_ON else one
+    if some_second_order(P):
+        hold_beside(P, S, W)
+    if code == GO_ON and C.strict and S.ambiguities > 0:
+        return Outcome.AMBIGUITY
+    return code
+
+
+@kernel
+def _settle_strong(P, S, R, W, size):
+    """Settles the switches active[:size], at rest on surfaces on which they act; a code."""
+    instant = W.instant
     together = False
     for a in range(size):
         if size > 1:
@@ -121,10 +204,22 @@ def settle_at_rest(P, C, S, R, W, size):
         for a in range(size):
             one = _one_at_rest(P, S, R, W, instant.active[a])
             code = code if one == GO_ON else one
-    if some_second_order(P):
-        hold_beside(P, S, W)
-    if code == GO_ON and C.strict and S.ambiguities > 0:
-        return Outcome.AMBIGUITY
+    return code
+
+
+@kernel
+def _let_go(P, C, S, R, W):
+    """What switches do that are HELD, and begin to leave their surfaces on the next step; a code."""
+    code, size = let_part(P, S, R, W)
+    for a in range(size):
+        W.instant.kept[0, a] = W.instant.active[a]
+    if code == NOTHING:
+        code = settle_at_rest(P, C, S, R, W, size)
+        for a in range(size):
+            j = W.instant.kept[0, a]
+            if abs(S.status[j]) == 1:
+                record_event(S, R, j, EV_TANGENCY, 0, S.status[j])
+    W.instant.parting = 0
     return code
 
 
@@ -138,10 +233,10 @@ def release_held(P, C, S, R, W):
     for i in range(P.m + P.ne):
         W.meeting.tau[i] = 2.0
     if W.instant.parting > 0:
-        return let_part(P, S, R, W)
+        return _let_go(P, C, S, R, W)
     evaluate_surfaces(P, S, W)
     for j in range(P.m):
-        if S.status[j] != HELD or P.kind[j] == DISC or P.kind[j] == COMPONENT:
+        if S.status[j] != HELD or P.kind[j] == DISC or P.kind[j] == COMPONENT or S.deflate[j] == GROWS:
             continue
         held = is_held(P, S, W, j) if P.kind[j] == SLIDING else held_by(P, S, W, j) >= 0
         if not held and (P.kind[j] == SLIDING or P.kind[j] == SECOND_ORDER):
@@ -199,8 +294,13 @@ def resettle(P, S, R, W):
             known = False
         if not known:
             residual(P, S, W, j, lam)
+            call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
             known = True
         g = W.g[j]
+        if g == 0.0 and W.G[P.g_diagonal[j]] == 0.0 and _strength(P, S, W, j) == 0.0:
+            S.status[j], S.mult[j] = HELD, 0.0  # its load has come to an end
+            known = False
+            continue
         if abs(g) <= 1e-12:
             continue
         known = False

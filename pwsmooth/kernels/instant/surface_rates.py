@@ -13,6 +13,7 @@ from ..state import (
     BOTH,
     CROSSING,
     DISC,
+    GROWS,
     HELD,
     KINK,
     SECOND_ORDER,
@@ -24,7 +25,7 @@ from ..step.steps import take_jet, take_slip_jet
 from ..surface.sliding import follow, keep_on_surface, mask_instant, mask_solved, surface_rounding
 
 _HIGHEST = 7  # order with which a surface is left
-_MOMENT = 1e-6  # of the unit of time
+MOMENT = 1e-6  # of the unit of time
 
 
 @kernel
@@ -48,6 +49,15 @@ def any_kind(P, kind):
     """Whether some multiplier is of this kind."""
     for j in range(P.m):
         if P.kind[j] == kind:
+            return True
+    return False
+
+
+@kernel
+def is_growing(P, S):
+    """Whether something is HELD whose friction has no strength yet, and grows."""
+    for j in range(P.m):
+        if S.status[j] == HELD and S.deflate[j] == GROWS:
             return True
     return False
 
@@ -124,20 +134,37 @@ def leading_order(P, C, S, W, i):
 
 
 @kernel
+def look_ahead(P, S, W):
+    """Moves S a moment along the present motion; what it was stands in W.moment until `look_back`."""
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    W.moment[P.n + P.m] = S.t
+    for i in range(P.n):
+        W.moment[i] = S.x[i]
+        S.x[i] += MOMENT * S.unit * W.dx[i]
+    for j in range(P.m):
+        W.moment[P.n + j] = S.mult[j]
+    S.t += MOMENT * S.unit
+
+
+@kernel
+def look_back(P, S, W):
+    """Puts states, time and multipliers back where they were before `look_ahead`."""
+    S.t = W.moment[P.n + P.m]
+    for i in range(P.n):
+        S.x[i] = W.moment[i]
+    for j in range(P.m):
+        S.mult[j] = W.moment[P.n + j]
+
+
+@kernel
 def _order_of_speed(P, S, W, j):
     """As `order_of_leaving`, from the speed of surface j now and a moment later: 1 or 2, or 0 where it has none."""
     speed = approach_speed(P, S, j, W)
     if abs(speed) > W.instant.rest_speed:
         return 1 if speed > 0.0 else -1
-    t, moment = S.t, _MOMENT * S.unit
-    for i in range(P.n):
-        W.instant.gradient[i] = S.x[i]
-        S.x[i] += moment * W.dx[i]
-    S.t = t + moment
+    look_ahead(P, S, W)
     speed = approach_speed(P, S, j, W)
-    S.t = t
-    for i in range(P.n):
-        S.x[i] = W.instant.gradient[i]
+    look_back(P, S, W)
     if abs(speed) <= W.instant.rest_speed:
         return 0
     return 2 if speed > 0.0 else -2

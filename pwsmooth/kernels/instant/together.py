@@ -14,7 +14,7 @@ from ..machine.pointers import call_newton
 from ..outcome import Outcome
 from ..state import AMB_FORCES, GO_ON, SOLVED
 from ..step.recording import record_ambiguity
-from ..surface.dependent import gather, independent, put_at_rest, slopes_of_group
+from ..surface.dependent import gather, holds, independent, put_at_rest, slopes_of_group
 from ..surface.sharing import FULL, largest_lambda, least_load, slip_or_stick, square_of_ball
 from ..surface.sliding import INSIDE, mask_solved
 
@@ -24,10 +24,11 @@ _NEWTON = 20
 
 
 @kernel
-def depend(P, S, W, j):
-    """Whether surfaces of disc j depend on those of other discs at h = 0; leaves their group in W.together."""
+def depend(P, S, W, j, alone):
+    """Whether surfaces of disc j depend on those of other discs at h = 0, or if it is `alone`, on what keeps one there;
+    leaves their group in W.together."""
     q = gather(P, S, W, j)
-    if q <= P.dim[j]:
+    if q <= (0 if alone else P.dim[j]):
         return False
     for i in range(q):
         W.together.ball[i] = P.disc_of[W.together.comp[i]]
@@ -61,7 +62,7 @@ def _find_shares(P, S, W, leaves):
     Returns the largest |lambda_k| of the least load, inf if there is none and 0 if it rests already, and whether it
     moves. If its force has not jumped it `leaves` where no lambda in the balls holds it any more.
     """
-    group, load = W.together, math.inf
+    group, load, parts = W.together, math.inf, False
     q = group.size
     for i in range(q):
         group.lam[i] = S.mult[group.comp[i]]
@@ -72,7 +73,8 @@ def _find_shares(P, S, W, leaves):
         load = least_load(P, S, W, independent(W, q))
         if not load < math.inf:
             return load, False
-        if load > 1.0 and not leaves:
+        parts = len(P.contact) > 0 and not leaves and not holds(S, W)
+        if parts or (load > 1.0 and not leaves):
             for i in range(q):
                 group.lam[i] = S.mult[group.comp[i]]
             slip_or_stick(W)
@@ -82,7 +84,7 @@ def _find_shares(P, S, W, leaves):
         _put(S, W)
         if change <= 1e-9 or largest == 0.0:
             break
-    return load, load > 1.0 or (leaves and load > 1.0 - FULL)
+    return load, parts or load > 1.0 or (leaves and load > 1.0 - FULL)
 
 
 @kernel

@@ -17,6 +17,8 @@ from .vector import begins
 _DELTA = 1e-4  # of lambda
 _PROJECTIONS = 20
 _DEPENDS = 1e-9  # of the largest pivot: what is left of a surface that the others determine
+PARTS = 1e-9  # of what friction does: less of a drift is rounding
+_KEPT = 1e-3  # of the most that friction does to a surface: where it does less it may be roundings
 _CORNER = 1e-9  # of the largest square of a row of J: of less it is not made
 
 
@@ -147,6 +149,21 @@ def independent(W, q):
             for c in range(i + 1, q if factor != 0.0 else 0):
                 A[order[r], order[c]] -= factor * A[p, order[c]]
     return q
+
+
+@kernel
+def holds(S, W):
+    """Whether together.lam holds all of the group, also those that the others determine."""
+    group, holds, most = W.together, True, 0.0
+    for r in range(group.size):
+        most = max(most, abs(group.J[r, r]))
+    for r in range(group.size):
+        rest = group.g[r]
+        for c in range(group.size):
+            rest += group.J[r, c] * (group.lam[c] - S.mult[group.comp[c]])
+        # Where something else keeps a surface there are only roundings of the others.
+        holds = holds and abs(rest) <= PARTS * max(abs(group.J[r, r]), _KEPT * most)
+    return holds
 
 
 @kernel
