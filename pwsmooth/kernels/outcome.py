@@ -81,9 +81,10 @@ _TEXTS = {
     Outcome.SINGULAR: "The equations of the sliding, closed or algebraic multipliers are singular: two of them "
     "may constrain the same motion; or more than 128 contacts or frictions between elements of a family hold, whose "
     "forces are not solved for together: take a spring with a gap.",
-    Outcome.INCONSISTENT_CONTACT: "No reaction or impulse keeps the bodies of a rigid contact apart, as its friction "
-    "pushes them together (Painleve's paradox, inconsistent): in nature a tangential impact stops the slip, of which "
-    "rigid laws say nothing; take a compliant contact (`pwsmooth.laws.contact`), or less friction.",
+    Outcome.INCONSISTENT_CONTACT: "No reaction or impulse keeps the bodies of a rigid contact apart. If its friction "
+    "pushes them together (Painleve's paradox, inconsistent), in nature a tangential impact stops the slip, of which "
+    "rigid laws say nothing: take a compliant contact (`pwsmooth.laws.contact`), or less friction. If its gap jumps "
+    "below 0, as above a table that rises by a step, let it move there in a finite time.",
     Outcome.JAM: "The reaction of a slipping contact grows beyond all bounds, as its friction comes to push as hard as "
     "it holds (Painleve's paradox, dynamic jam): a compliant contact (`pwsmooth.laws.contact`) decides what follows.",
     Outcome.IRREVERSIBLE: "Backward in time the past is not unique from here: forward the motion has come to a "

@@ -26,9 +26,12 @@ from ..state import (
     AMB_ACCUMULATION,
     CONTACT,
     CROSSING,
+    DISC,
     EV_ACCUMULATION,
     EV_CLOSED,
+    EV_CROSSING,
     EV_OPENING,
+    EV_STICK,
     GO_ON,
     HELD,
     KINK,
@@ -38,7 +41,8 @@ from ..state import (
 )
 from ..step.finer import SWITCHING, follow_as_asked, go_on_as_arcs
 from ..step.recording import record_ambiguity, record_event
-from ..surface.sliding import keep_on_surface, surface_rounding, surface_size
+from ..surface.sliding import INSIDE, is_at_rest, keep_on_surface, surface_rounding, surface_size
+from .discs import settle_disc
 from .settling import close_contact, settle_at_rest
 from .surface_rates import approach_speed, stop_normal_speed
 
@@ -160,6 +164,33 @@ def _is_of_impacts_alone(P, S, W, j, left):
 
 
 @kernel
+def _stop_discs(P, S, W):
+    """Discs whose slip has ended with the impacts bear nothing at first: what presses there is for the contacts to
+    bear. Whether there are any."""
+    some = False
+    for j in range(P.m):
+        if P.kind[j] == DISC and S.status[j] == 1 and S.mult[j] == 1.0 and is_at_rest(P, S, j, W):
+            some, S.mult[j] = True, INSIDE
+            for k in range(j + 1, j + 1 + P.dim[j]):
+                S.mult[k] = 0.0
+    return some
+
+
+@kernel
+def _settle_stopped_discs(P, S, R, W):
+    """What these discs do from then on: a code."""
+    for j in range(P.m):
+        if P.kind[j] == DISC and S.status[j] == 1 and S.mult[j] == INSIDE and S.deflate[j] == 0:
+            code = settle_disc(P, S, R, W, j, False)
+            if code != GO_ON:
+                return code
+            record_event(
+                S, R, j, EV_STICK if S.status[j] == SOLVED else EV_CROSSING, 1, int(S.status[j] != SOLVED)
+            )
+    return GO_ON
+
+
+@kernel
 def pass_accumulation(P, C, S, R, W):
     """Passes an accumulation point that has come within rounding; NOTHING if there is none, else a code."""
     t = S.t
@@ -183,7 +214,7 @@ def pass_accumulation(P, C, S, R, W):
         go_on_as_arcs(P, S, W, left)
     S.t = t + left
     interval = S.last[leader, 1]
-    size, held = 0, 0
+    size, held, stopped = 0, 0, False
     for j in range(P.m):
         free = S.status[j] != SOLVED and S.status[j] != HELD and P.kind[j] != ALGEBRAIC
         recent = S.last[j, 1] > 0.0 and t - S.last[j, 0] <= 10.0 * interval
@@ -194,6 +225,7 @@ def pass_accumulation(P, C, S, R, W):
         keep_on_surface(P, S, j, W)
         if P.kind[j] == CONTACT:
             stop_normal_speed(P, S, j, W, True)
+            stopped = _stop_discs(P, S, W) or stopped
             closed = close_contact(P, S, j, W)
             record_event(S, R, j, EV_CLOSED if closed else EV_OPENING, 1, S.status[j])
         elif P.kind[j] == CROSSING or P.kind[j] == KINK:
@@ -219,6 +251,8 @@ def pass_accumulation(P, C, S, R, W):
         ):
             record_ambiguity(S, R, P.m + i, AMB_ACCUMULATION, 0)
     code = settle_at_rest(P, C, S, R, W, size) if size > 0 else GO_ON
+    if code == GO_ON and stopped:
+        code = _settle_stopped_discs(P, S, R, W)
     if W.step.nears == SWITCHING:
         follow_as_asked(P, C, W)
     if code == GO_ON:

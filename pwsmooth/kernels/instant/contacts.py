@@ -37,6 +37,8 @@ from .surface_rates import approach_speed, evaluate_surfaces
 PRESSING = -1  # known zeros of the gap of a contact that rests and is pressed from now on
 UNTOLD = 1e-14  # of the time: instants that close are not told apart
 _MOST_IMPACTS, _SMALLEST_GAP = 20_000, 1e-100
+_JUMPED = 1e3  # roundings of a gap: what it is below 0 by more has jumped
+_COLLAPSED = 1e-3  # of the time over which impacts have come ever sooner: so late their gaps are roundings
 _TURNS = 3  # of a projection: the gaps of bodies that turn are not linear
 _EQUAL = 1e-12  # of the largest speed or force: what is smaller is rounding
 _JAM = 1e-6  # of what friction does to a gap, beside which the rest of its reaction is small
@@ -67,13 +69,9 @@ def _find_touching(P, S, R, W):
     for c in range(len(P.contact)):
         j = P.contact[c]
         rounding = surface_rounding(P, S, j, W)
-        if (
-            S.status[j] == SOLVED
-            and W.instant.jumped
-            and W.h[j] > rounding
-            and W.h[j] != W.firing.switch_level[j]
-        ):
-            _open(S, R, W, j, 0)  # an update has lifted the body off
+        moved = P.nested[j] != 0 or (W.instant.jumped and W.h[j] != W.firing.switch_level[j])
+        if S.status[j] == SOLVED and W.h[j] > rounding and moved:
+            _open(S, R, W, j, 0)  # an update has lifted the body off, or a jump of the gap
         elif S.status[j] == SOLVED or W.instant.hit[j] or W.h[j] <= rounding:
             if size == len(contacts.touching):
                 return -1
@@ -237,6 +235,10 @@ def settle_contacts(P, S, R, W):
     size = _find_touching(P, S, R, W)
     if size < 0:
         return UNSOLVABLE
+    for a in range(size):
+        j = contacts.touching[a]
+        if P.nested[j] != 0 and not W.instant.hit[j] and -W.h[j] > _JUMPED * surface_rounding(P, S, j, W):
+            return INCONSISTENT  # its gap has jumped into the body
     code = collide(P, S, R, W, size)
     if code < UNCHANGED:
         return code
@@ -254,6 +256,21 @@ def settle_contacts(P, S, R, W):
 
 
 @kernel
+def collapses(P, S, W):
+    """Whether contacts meet that have met just before, ever sooner one after the other, so that their gaps are told
+    from 0 no more: what falls on each other has all but come to rest so."""
+    touching, again = 0, False
+    evaluate_surfaces(P, S, W)
+    for c in range(len(P.contact)):
+        j = P.contact[c]
+        if S.status[j] == SOLVED or not (W.instant.hit[j] or W.h[j] <= surface_rounding(P, S, j, W)):
+            continue
+        touching += 1
+        again = again or S.t - S.last[j, 0] <= _COLLAPSED * (S.last[j, 0] - S.last[j, 6])
+    return touching > 1 and again
+
+
+@kernel
 def impact_to_the_end(P, S, R, W):
     """Impacts that follow each other faster than the clock tells, as among bodies that fall on each other, until none
     is left, or they come to rest (inelastic collapse). False if these, or those that touch, are too many.
@@ -267,7 +284,7 @@ def impact_to_the_end(P, S, R, W):
     for c in range(len(P.contact)):
         j = P.contact[c]
         met = S.status[j] == SOLVED or W.instant.hit[j]
-        if met or W.h[j] <= UNTOLD * time_size(S) * fastest:
+        if met or W.h[j] <= max(UNTOLD * time_size(S) * fastest, surface_rounding(P, S, j, W)):
             if size == len(contacts.touching):
                 return False
             contacts.touching[size], impacts[size] = j, 0

@@ -328,7 +328,7 @@ def sides_after_crossing(P, S, R, W):
         evaluate_surfaces(P, S, W)
         changed = False
         for j in range(P.m):
-            if P.nested[j] == 0 or W.instant.hit[j]:
+            if P.nested[j] == 0 or W.instant.hit[j] or P.kind[j] >= CONTACT:
                 continue
             if abs(W.h[j]) <= surface_rounding(P, S, j, W):
                 continue

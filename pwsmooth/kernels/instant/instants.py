@@ -50,6 +50,7 @@ from .accumulation import AT_ONCE, at_once_within, is_passed, pass_accumulation
 from .contacts import (
     UNCHANGED,
     UNTOLD,
+    collapses,
     impact_to_the_end,
     outcome_of,
     part_or_press,
@@ -473,7 +474,7 @@ def at_instant(P, C, S, R, W):
     record_point(P, S, R)
     S.stalled = S.stalled + 1 if elapsed <= UNTOLD * time_size(S) else 0
     events_before = S.events
-    if S.stalled > MOST_AT_ONCE:
+    if S.stalled > MOST_AT_ONCE or (len(P.contact) > 1 and collapses(P, S, W)):
         # Derivatives do not go through what is told as one instant.
         if len(P.contact) == 0 or R.tape.shape[0] > 0 or not impact_to_the_end(P, S, R, W):
             return Outcome.CHATTERING

@@ -251,3 +251,67 @@ def test_a_closed_contact_keeps_its_gap_and_rate_at_zero():
     gap = s["x"] - 1.005 * np.sin(s.t)
     rate = s["v"] - 1.005 * np.cos(s.t)
     assert abs(gap[closed]).max() < 1e-11 and abs(rate[closed]).max() < 1e-11
+
+
+def on_table(table, start, span, method, restitution=HALF, **options):
+    """A ball on a table of this height, under g = 12."""
+    stop = Unilateral(x - table, restitution=restitution, name="A")
+    return solve(System({x: v, v: -12 + stop.reaction}, time=t), span, start, method=method, **options)
+
+
+@METHODS
+def test_a_ball_leaves_a_table_whose_velocity_jumps_at_a_known_instant(method):
+    """The table goes down from t = 1 and up from t = 2: relative to it the ball comes with -2 and leaves with 1."""
+    for table in (
+        HALF - sp.Abs(sp.Mod(t, 2) - 1),
+        HALF - sp.Abs(t - 1 - 2 * sp.floor(t / 2)),
+        sp.Abs(t - 2) - HALF,
+    ):
+        run = on_table(table, [0, -1], (1.5, 2.1), method, max_steps=1000)
+        assert run.x[:, -1] == pytest.approx([-0.36, 0.8], abs=1e-9), str(table)
+    # Of any period the last one is as the first: bounces of 2/12, 1/12, ... have ended.
+    late = on_table(HALF - sp.Abs(sp.Mod(t, 2) - 1), [0, -1], (1.5, 8.1), method, max_steps=1000)
+    assert late.x[:, -1] == pytest.approx([-0.36, 0.8], abs=1e-9)
+
+
+@METHODS
+def test_a_table_that_steps_down_leaves_the_ball_and_one_that_steps_up_is_an_outcome(method):
+    down = on_table(-sp.Heaviside(t - 2) / 10, [0, 0], (1, 2.1), method)
+    assert down.x[:, -1] == pytest.approx([-0.06, -1.2], abs=1e-9)
+    up = on_table(sp.Heaviside(t - 2) / 10, [0, 0], (1, 3), method)
+    assert up.outcome.name == "INCONSISTENT_CONTACT" and up.t[-1] == 2.0
+
+
+@METHODS
+def test_bounces_end_beside_another_body_that_rests(method):
+    A, B = floor(HALF), Unilateral(y, restitution=HALF, name="B")
+    pair = System({x: v, v: -9 + A.reaction, y: w, w: -7 + B.reaction})
+    run = ends(pair, 4, {x: 0, v: 0, y: 0, w: 1e-4}, method, max_steps=200)
+    assert len(run.event_times("closed contact")) == 1
+    # With 2 w/7 (1 + 1/2 + 1/4 + ...).
+    assert run.event_times("closed contact")[0] == pytest.approx(4e-4 / 7, rel=1e-6)
+
+
+@METHODS
+@pytest.mark.parametrize(
+    ("masses", "e", "places", "unit"),
+    [
+        ((1, 1, 1), 0.01, (0, 1, 2.1), 1),
+        ((1, 1, 1), 0.05, (100, 101, 102.1), 1e3),
+        ((12, 1, 13), 0.16, (0, 1, 1.8), 1),
+        ((1.2, 0.03, 1.3), 0.47, (0, 0.7, 1.9), 1e-3),
+    ],
+)
+def test_bodies_whose_impacts_collapse_go_on_with_one_speed(masses, e, places, unit, method):
+    """Where e is less than 7 - 4 sqrt 3 of equal ones (McNamara and Young 1992): with that of all their momentum."""
+    z, q, a, b, c, ratio = sp.symbols("z q a b c ratio", real=True)
+    A, B = Unilateral(y - x, restitution=ratio, name="A"), Unilateral(z - y, restitution=ratio, name="B")
+    forces = {v: -A.reaction / a, w: (A.reaction - B.reaction) / b, q: B.reaction / c}
+    row = System({x: v, y: w, z: q} | forces, parameters={a: 1, b: 1, c: 1, ratio: 0})
+    speeds = np.array([1, 0, -1])
+    start = dict(zip((x, y, z, v, w, q), unit * np.array([*places, *speeds]), strict=True))
+    values = dict(zip((a, b, c, ratio), (*masses, e)))
+    run = ends(row, 10, start, method, parameters=values)
+    common = np.dot(masses, speeds) / sum(masses)
+    assert np.abs(run.x[3:, -1] / unit - common).max() < 1e-12
+    assert not run.ambiguities

@@ -75,6 +75,12 @@ def _restore(P, S, W):
 
 
 @inlined_kernel
+def _knows_slope(P, W, j, all_known):
+    """Whether the slope of surface j where a step starts is known: of a gap it does not change with what is solved."""
+    return all_known or (j < P.m and P.kind[j] == CONTACT and P.nested[j] == 0)
+
+
+@inlined_kernel
 def _fit_one(row, fit, q, value):
     """Adds what is known at node q to a polynomial, whose first coefficient is the value at the start."""
     if q == 0:
@@ -114,10 +120,9 @@ def _polynomials(P, S, W, h):
     with_slope = pair.solves == 0
     for j in range(surfaces):
         with_slope = with_slope and abs(surface_speed(P, W, j)) < math.inf
-    fit = _FIT_WITH_SLOPE if with_slope else _FIT
-    for j in range(surfaces if with_slope else 0):
-        for c in range(DEGREE + 1):
-            rows[n + m + j, c] = fit[c, 1] * h * surface_speed(P, W, j)
+    for j in range(surfaces):
+        for c in range(DEGREE + 1 if _knows_slope(P, W, j, with_slope) else 0):
+            rows[n + m + j, c] = _FIT_WITH_SLOPE[c, 1] * h * surface_speed(P, W, j)
     for q in range(DEGREE + 1):
         theta = _NODES[q]
         for i in range(n):
@@ -131,8 +136,11 @@ def _polynomials(P, S, W, h):
         # Of the changes since the start: a fit of the values would make thousands of roundings of what hardly changes.
         for j in range(m):
             _fit_one(rows[n + j], _FIT, q, S.mult[j])
-        for j in range(0 if with_slope and q == 1 else surfaces):
-            _fit_one(rows[n + m + j], fit, q, W.h[j])
+        for j in range(surfaces):
+            if not _knows_slope(P, W, j, with_slope):
+                _fit_one(rows[n + m + j], _FIT, q, W.h[j])
+            elif q != 1:
+                _fit_one(rows[n + m + j], _FIT_WITH_SLOPE, q, W.h[j])
     _restore(P, S, W)
     scale = 1.0
     for c in range(1, DEGREE + 1):
