@@ -33,11 +33,13 @@ def with_mobilities(field: Field) -> Field:
         if terms:
             pushes[k] = sp.Add(*(e - e.xreplace(nothing) for e in terms))
     free = {a: sp.Symbol(f"free {a.name}", real=True) for a in rows}
-    B = {(i, k): sp.Symbol(f"mobility({i.name}, {k.name})", real=True) for k in pushes for i in rows}
-    whole = {a: free[a] - sp.Add(*(B[a, k] * push for k, push in pushes.items())) for a in rows}
     unknowns = [(free[a], r.xreplace(nothing | free)) for a, r in rows.items()]
-    for k in pushes:
-        unknowns += [(B[j, k], sp.Add(*(A[j, i] * B[i, k] for i in rows)) - int(j == k)) for j in rows]
+    whole = dict(free)
+    for k, push in pushes.items():
+        block = _coupled(k, A, rows)
+        B = {i: sp.Symbol(f"mobility({i.name}, {k.name})", real=True) for i in block}
+        whole |= {i: whole[i] - B[i] * push for i in block}
+        unknowns += [(B[j], sp.Add(*(A[j, i] * B[i] for i in block)) - int(j == k)) for j in block]
     others = tuple((a, r) for a, r in field.algebraic if a not in rows)
     taken = {name for name, _ in field.outputs}
     field = replace(
@@ -58,6 +60,15 @@ def _moving(field, reactions):
     while more := rows.keys() & set().union(*(rows[a].free_symbols for a in needed)) - needed:
         needed |= more
     return moved & needed
+
+
+def _coupled(k, A, rows):
+    """The unknowns that stand in one equation with unknown k, or with one that does."""
+    block, found = set(), {k}
+    while found:
+        block |= found
+        found = {i for i in rows if i not in block and any(A[i, j] != 0 or A[j, i] != 0 for j in block)}
+    return [i for i in rows if i in block]
 
 
 def _coefficient(field, residual, a, rows, reactions):

@@ -59,6 +59,8 @@ def pendulums():
         ({mu: 0, e: 0.5}, {"impact", "accumulation"}),
         ({mu: 0.3, e: 0, f: 2}, {"impact", "closed contact", "opening", "crossing"}),
         ({mu: 0.8, f: 12}, {"impact", "slip by reset"}),
+        ({mu: 0.1, f: 4}, {"impact", "accumulation"}),  # impacts of 1e-8, which move a slip by roundings
+        ({mu: 0.3, e: 0.3, f: 5}, {"impact", "opening"}),
     ],
 )
 def test_a_double_pendulum_meets_its_wall_as_with_the_matrix_inverted(pendulums, method, values, seen):
@@ -113,6 +115,33 @@ def test_a_rod_comes_to_rest_on_both_of_its_ends():
     assert np.abs(here.x[:, -1] - hand.x[:, -1]).max() < 1e-9
     assert np.abs(here.x[1:, -1]).max() < 1e-12
     assert here["A"][-1] == pytest.approx(9.81 / 2, rel=1e-9) == here["B"][-1]
+
+
+@pytest.mark.parametrize(
+    ("inertia", "width", "height"),
+    [((4 + 0.25) / 12, 0.5, 1.0), (0.1, 2 * np.sin(0.3), np.cos(0.3))],  # a block, a rimless wheel of spokes 1
+)
+def test_a_body_rocks_from_one_foot_to_the_other(inertia, width, height):
+    """In the coordinates of one foot. Angular momentum about the other stays (Housner 1963, McGeer 1990)."""
+    x, y, v, s = sp.symbols("x y v s", real=True)
+    I, d, h = sp.symbols("I d h", positive=True)
+    c, n = sp.cos(q1), sp.sin(q1)
+    J = sp.Matrix([x + d * c / 2 - h * n, y + d * n / 2 + h * c]).jacobian((x, y, q1))
+    M = sp.simplify(J.T * J + sp.diag(0, 0, I))
+    centripetal = sp.Matrix([-d * c / 2 + h * n, -d * n / 2 - h * c]) * u1**2
+    F = -J.T * (centripetal + sp.Matrix([0, sp.Rational(981, 100)]))
+    feet = [(Unilateral(y, name="A"), x), (Unilateral(y + d * n, name="B"), x + d * c)]
+    system, _ = both(M, F, (x, y, q1), (v, s, u1), feet, {mu: 0.4, I: 1, d: 1, h: 1})
+    values = {I: inertia, d: width, h: height}
+    run = solve(system, (0, 0.6), {x: 0, y: 0, q1: 0.1, v: 0, s: 0, u1: 0}, parameters=values, **TIGHT)
+    impact = run.event_times("impact")[0]
+    before, after = np.searchsorted(run.t, impact), np.searchsorted(run.t, impact, side="right") - 1
+    arm = height**2 + width**2 / 4
+    ratio = (inertia + height**2 - width**2 / 4) / (inertia + arm)
+    turning = run["u1"]
+    assert turning[after] == pytest.approx(ratio * turning[before], rel=1e-9)
+    assert run.success and run["A"][-1] == 0 and run["B"][-1] > 0
+    assert run["y"][-1] + width * np.sin(run["q1"][-1]) == pytest.approx(0, abs=1e-12)
 
 
 def slider_crank(far, near):

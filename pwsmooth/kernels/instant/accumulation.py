@@ -55,6 +55,7 @@ _CLOSE = 1e-4  # and one whose surface is lost in its roundings before: its limi
 # Steps within an arc grow from a millionth of it, where it begins with the root of a height.
 _SHORTEST, _SHRUNK_ARCS = 1e-7, 1e-4  # relative to the time, and to that over which they have shrunk
 _LOWEST = 1e-9  # of the size of what a surface is made of
+_WHOLE = 1.0 - 1e-6  # of a flight: what one step takes of it
 _WEAK = 1e-3  # of a speed: what a force changes that does not end its impacts
 _AT_REST = 1e-5  # relative: what a bounce leaves of a speed where intervals are WITHIN_ROUNDING
 
@@ -202,7 +203,9 @@ def pass_accumulation(P, C, S, R, W):
                 leader, left = j, estimate
     if leader < 0 or not left < _CLOSE * time_size(S):
         return NOTHING
-    lost = P.kind[leader] < CONTACT and _is_lost(P, S, W, leader, S.last[leader, 1])
+    # A flight of one step is as good as its series; one that something has cut begins anew from a gap of roundings.
+    cut = P.kind[leader] < CONTACT or W.instant.elapsed < _WHOLE * S.last[leader, 1]
+    lost = cut and _is_lost(P, S, W, leader, S.last[leader, 1])
     minute = P.kind[leader] < CONTACT and _is_minute(P, S, W, leader)
     if not lost and not minute and not is_passed(S, leader):
         return NOTHING

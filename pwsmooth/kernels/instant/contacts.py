@@ -17,7 +17,17 @@ from ..intervals import forget_intervals, time_size
 from ..machine.compiling import kernel
 from ..machine.pointers import call_fields, call_linear, call_newton
 from ..outcome import Outcome
-from ..state import AMB_INDETERMINATE, EV_ACCUMULATION, EV_CLOSED, EV_IMPACT, EV_OPENING, SLIDING, SOLVED
+from ..state import (
+    AMB_INDETERMINATE,
+    COMPONENT,
+    DISC,
+    EV_ACCUMULATION,
+    EV_CLOSED,
+    EV_IMPACT,
+    EV_OPENING,
+    SLIDING,
+    SOLVED,
+)
 from ..step.recording import record_ambiguity, record_event
 from ..surface.sliding import common_gradient, go_down_gradient, keep_on_surface, mask_solved, surface_rounding
 from ..surface.sparse import entry, solve_dense, solve_masked
@@ -110,6 +120,20 @@ def part_or_press(P, S, W, j):
 
 
 @kernel
+def _mask_acting(P, S, W):
+    """Overwrites W.mask: what is solved now, without friction that acts on nothing, as its contact has opened."""
+    mask_solved(P, S, W)
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    for k in range(P.m):
+        if W.mask[k] == 0 or (P.kind[k] != SLIDING and P.kind[k] != COMPONENT) or W.G[P.g_diagonal[k]] != 0.0:
+            continue
+        W.mask[k] = 0
+        for i in range(P.m):
+            if P.kind[i] != DISC and entry(P.g_row, P.g_col, W.G, i, k) != 0.0:
+                W.mask[k] = 1
+
+
+@kernel
 def _settle_forces(P, S, R, W, size):
     """Closes and opens the touching contacts that neither approach nor part; whether some forces do that: a code."""
     contacts = W.contacts
@@ -130,7 +154,7 @@ def _settle_forces(P, S, R, W, size):
         largest = max(largest, S.mult[j])
     added, settled = -1, not some
     for _ in range(64 + 16 * size if some else 0):
-        mask_solved(P, S, W)
+        _mask_acting(P, S, W)
         solved = call_newton(P.newton_unit, P, S, W) != 0
         now = 0.0
         for a in range(size):

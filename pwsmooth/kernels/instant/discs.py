@@ -468,6 +468,19 @@ def release_discs(P, S, R, W):
 
 
 @kernel
+def _shares_anew(P, S, W, j):
+    """Whether disc j, which sticks, has held something together with a contact that has opened, or does with one that
+    has closed."""
+    changed, short = False, False
+    for c in range(len(P.contact)):
+        k = P.contact[c]
+        changed = changed or (S.status[k] == SOLVED) != (W.instant.came[k] == SOLVED)
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        short = short or S.status[k] != SOLVED
+    return changed and (short or depend(P, S, W, j, True))
+
+
+@kernel
 def resettle_discs(P, C, S, R, W, switches):
     """Sticking discs whose force has jumped, together with those at rest beside them, and with the `switches` that come
     to their surfaces: a code."""
@@ -479,7 +492,8 @@ def resettle_discs(P, C, S, R, W, switches):
             _settle_without_force(P, S, W, j)  # its load has come to an end
             continue
         # A switch that has settled may have solved for this lambda as well, and left it beyond its bound.
-        if S.mult[j] > 1.0 + _SAME or not push_of_disc(P, S, W, j) <= _SAME * slope + _MOVED:
+        jumps = S.mult[j] > 1.0 + _SAME or not push_of_disc(P, S, W, j) <= _SAME * slope + _MOVED
+        if jumps or _shares_anew(P, S, W, j):
             code = settle_disc(P, S, R, W, j, False)
             return _settle_with_others(P, C, S, R, W, switches) if code == GO_ON else code
     return GO_ON

@@ -241,6 +241,9 @@ def _gather_friction(P, S, W, fastest):
         return False
     for r in range(some):
         group.value[r] = 0.0
+    _strike(P, S, W)
+    for r in range(some, group.size):
+        group.kept[r] = surface_size(P, S, group.member[r], W)  # also of a slip that the impulses end
     for r in range(some):
         change = abs(_own_change(P, S, W, r, 1.0))
         group.unit[r] = fastest / change if change > 0.0 else 1.0
@@ -251,7 +254,7 @@ def _gather_friction(P, S, W, fastest):
         _move(S, W, r, -1.0)
         group.slip[r] = -_own_change(P, S, W, r, 2.0)
         _move(S, W, r, 1.0)
-        if group.slip[r] > _IDLE * surface_size(P, S, k, W):
+        if group.slip[r] > _IDLE * (group.kept[r] + surface_size(P, S, k, W)):
             group.met[k if P.disc_of[k] < 0 else P.disc_of[k]] = 2
     last, group.size = group.size, some
     for r in range(some, last):
@@ -308,8 +311,9 @@ def _take_residuals(P, S, W, rest):
 
 
 @kernel
-def _solve_modes(P, S, W):
-    """Newton's method for the impulses and lambda of the group with its modes, by least changes; whether it ends."""
+def _solve_modes(P, S, W, rounding):
+    """Newton's method for the impulses and lambda of the group with its modes, by least changes; whether it ends, its
+    steps being less than `rounding` or not falling any more."""
     group, A, size, previous = W.struck, W.struck.matrix, W.struck.size, math.inf
     for _ in range(_NEWTON):
         _take_residuals(P, S, W, group.rest)
@@ -342,15 +346,16 @@ def _solve_modes(P, S, W):
                 step += A[r, c] * A[r, 2 * size]
             _move(S, W, c, step * group.unit[c])
             change = max(change, abs(step) / (1.0 + abs(group.value[c]) / group.unit[c]))
-        if change <= 1e-15 or (change < 1e-11 and change >= 0.25 * previous):
+        if change <= 1e-15 or (change < max(1e-11, rounding) and change >= 0.25 * previous):
             return True
         previous = change
     return False
 
 
 @kernel
-def _fits(P, S, W, fastest):
-    """Whether no contact pulls or still approaches, and no friction is more than it can be or drives its slip on.
+def _fits(P, S, W, fastest, rounding):
+    """Whether no contact pulls or still approaches, by more than `rounding` of `fastest`, and no friction is more than
+    it can be or drives its slip on.
 
     Leaves S.x as the state after, and the lambda of switches that slip exactly at their bounds.
     """
@@ -361,15 +366,15 @@ def _fits(P, S, W, fastest):
     for r in range(group.size):
         k, level, square, along = group.member[r], _level(P, W, r), 0.0, 0.0
         if r < group.contacts:
-            if min(level / fastest, group.value[r] / group.unit[r]) < -_EQUAL * most:
+            if min(level / fastest, group.value[r] / group.unit[r]) < -_EQUAL * most - rounding:
                 return False
             continue
         for q in range(group.contacts, group.size):
             if q == r or (P.disc_of[k] >= 0 and P.disc_of[group.member[q]] == P.disc_of[k]):
                 square += group.value[q] ** 2
                 along += group.value[q] * W.h[group.member[q]]
-        rounding = _EQUAL * (surface_size(P, S, k, W) + group.slip[r])
-        if square > 1.0 + 2.0 * _EQUAL or (group.mode[r] != 0 and (along < -rounding or square < 1.0 - _IDLE)):
+        least = _EQUAL * (surface_size(P, S, k, W) + group.slip[r])
+        if square > 1.0 + 2.0 * _EQUAL or (group.mode[r] != 0 and (along < -least or square < 1.0 - _IDLE)):
             return False
         if P.disc_of[k] < 0 and group.mode[r] != 0:
             S.mult[k] = float(group.mode[r])
@@ -387,11 +392,12 @@ def _find_friction(P, S, W, fastest):
         group.x[i] = S.x[i]
     for k in range(P.m):
         group.mult[k] = S.mult[k]
-    some = _gather_friction(P, S, W, fastest)
+    rounding, some = W.instant.rest_speed / fastest, _gather_friction(P, S, W, fastest)
     while some and found != CHANGED and sweeps < _MOST_SWEEPS:
         for _ in range(sweeps):
             _sweep(P, S, W, fastest)
-        found = CHANGED if _solve_modes(P, S, W) and _fits(P, S, W, fastest) else INCONSISTENT
+        solved = _solve_modes(P, S, W, rounding) and _fits(P, S, W, fastest, rounding)
+        found = CHANGED if solved else INCONSISTENT
         for r in range(group.size if found != CHANGED else 0):
             _move(S, W, r, group.kept[r] - group.value[r])
         sweeps *= 2

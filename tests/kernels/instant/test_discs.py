@@ -12,7 +12,7 @@ import pytest
 import sympy as sp
 from scipy.optimize import brentq
 
-from pwsmooth import Disc, Event, Memory, Switch, System, solve
+from pwsmooth import Disc, Event, Memory, Switch, System, Unilateral, solve
 
 t, x, y, z, vx, vy, vz = sp.symbols("t x y z vx vy vz", real=True)
 F1, F2, mu, rho = sp.symbols("F1 F2 mu rho", real=True)
@@ -391,3 +391,79 @@ def test_a_switch_that_arrives_lets_a_disc_go_and_stays_for_that():
     held = -1.3 / 1.5
     assert solution["s"][-1] == pytest.approx(held, abs=1e-13)
     assert solution.x[:, -1] == pytest.approx([0.7, 1.4 * held, 0, 0], abs=1e-12)
+
+
+e, turn, push, grows, pull = sp.symbols("e turn push grows pull", real=True)
+
+
+@pytest.fixture(scope="module")
+def at_wall():
+    """A body with friction mu in the plane at a wall that is turned, with a push onto it and a pull along it."""
+    c, s = sp.cos(turn), sp.sin(turn)
+    lam, wall = Disc("lam", (vx, vy)), Unilateral(c * x + s * y, restitution=e, name="wall")
+    normal = wall.reaction - push + grows * t
+    rates = {x: vx, y: vy, vx: normal * c - pull * s - mu * lam[0], vy: normal * s + pull * c - mu * lam[1]}
+    values = {mu: 0.3, e: 0, turn: 0, push: 1, grows: 0, pull: 0}
+
+    def run(span, place, speed, **given):
+        given = values | {p: given[p.name] for p in values if p.name in given}
+        axes = np.array(
+            [[math.cos(given[turn]), math.sin(given[turn])], [-math.sin(given[turn]), math.cos(given[turn])]]
+        )
+        system = System(rates, time=t, parameters=values)
+        start = np.concatenate([place @ axes, speed @ axes])
+        done = solve(system, (0, span), start, parameters=given, max_steps=3000)
+        assert done.success, done.message
+        return done, axes @ done.x[:2, -1], axes @ done.x[2:, -1]
+
+    return run
+
+
+@pytest.mark.parametrize("turned", [0, 0.7, -1.1])
+@pytest.mark.parametrize("along", [0, 0.1, -0.25, -0.5])
+def test_a_body_stops_along_a_wall(at_wall, along, turned):
+    """v' = pull - 0.3 until it stops after 1/(0.3 - pull); there it stays if |pull| < 0.3, else it goes back."""
+    run, place, speed = at_wall(6, [0, 0], [0, 1], pull=along, turn=turned)
+    stops, back = 1 / (0.3 - along), min(0, along + 0.3)
+    assert run.events[0].time == pytest.approx(stops, rel=1e-9)
+    assert place == pytest.approx([0, stops / 2 + back * (6 - stops) ** 2 / 2], abs=1e-8)
+    assert speed == pytest.approx([0, back * (6 - stops)], abs=1e-8)
+
+
+@pytest.mark.parametrize("rate", [0.2, 0.5])
+def test_what_a_wall_has_held_friction_holds_when_it_lets_go(at_wall, rate):
+    """The push ends at 1/rate, with 0.5 just as it stops, and pulls with 0.3, as friction holds, at 1.3/rate."""
+    run, place, speed = at_wall(12, [0, 0], [0, 0.6], grows=rate)
+    since = 12 - 1.3 / rate
+    assert place == pytest.approx([rate * since**3 / 6, 0.6], abs=1e-8)
+    assert speed == pytest.approx([rate * since**2 / 2, 0], abs=1e-8)
+
+
+def bounced(strength, restitution, place, speed, along, span, h=5e-4):
+    """The end of the same by time steps, an implicit one of the friction."""
+    q, w = np.array(place, float), np.array(speed, float)
+    for _ in range(round(span / h)):
+        free = w + h * np.array([-1.0, along])
+        if q[0] <= 0 and free[0] < 0:
+            free[0] = -free[0] * restitution if w[0] < -8 * h else 0
+        size = np.hypot(*free)
+        w = free * max(0, 1 - h * strength / size) if size else free
+        q = q + h * w
+    return q, w
+
+
+@pytest.mark.parametrize(
+    ("strength", "restitution", "turned", "place", "speed", "along"),
+    [
+        (0.6, 0.5, 0, (0.5, 0), (0, 1), 0),
+        (0.6, 0, 0.7, (0.5, 0), (0, 1), 0),
+        (0.3, 0.8, 0, (0.5, 0), (0, 1), 0),
+        (0.8, 0.5, -0.4, (0.3, 0), (0.5, 0.5), 0.1),
+        (0.6, 0.5, 0, (0.5, 0), (0, 0.2), 0.7),
+    ],
+)
+def test_bounces_die_out_with_the_slip(at_wall, strength, restitution, turned, place, speed, along):
+    run, rests, goes = at_wall(5, place, speed, mu=strength, e=restitution, turn=turned, pull=along)
+    q, w = bounced(strength, restitution, place, speed, along, 5)
+    assert rests == pytest.approx(q, abs=1e-3) and goes == pytest.approx(w, abs=1e-3)
+    assert rests[0] == pytest.approx(0, abs=1e-12)

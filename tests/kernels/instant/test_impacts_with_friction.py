@@ -161,3 +161,16 @@ def test_every_impact_obeys_the_law(n, contacts, dimension, redundant):
         assert breaks_the_law(v, run.x[n:, -1], *tables, dimension) < 1e-7
         seen += 1
     assert seen >= 8
+
+
+@pytest.mark.parametrize("restitution", [0, 0.5])
+@pytest.mark.parametrize("strength", [0.1, 0.6])
+def test_friction_that_is_not_in_the_push_does_nothing_in_an_impact(strength, restitution):
+    # Also where the impact ends that part of the slip which is along the push.
+    lam, wall = Disc("lam", (u, w)), Unilateral(x, restitution=e, name="wall")
+    rates = {x: u, y: w, u: -1 - mu * lam[0] + wall.reaction, w: -mu * lam[1]}
+    given = {mu: strength, e: restitution}
+    run = solve(System(rates, parameters={mu: 1, e: 0}), (0, 1.2), {x: 0.5, y: 0, u: 0, w: 1}, parameters=given)
+    at = np.searchsorted(run.t, run.event_times("impact")[0])
+    assert run.success and run["w"][at] == run["w"][at + 1] > 0.4
+    assert run["u"][at + 1] == pytest.approx(-restitution * run["u"][at], abs=1e-14)
