@@ -384,8 +384,10 @@ class Lifting:
             return func(*args)
         outer = max(kinks, key=lambda s: s.count_ops())
         lam, above, below = outer.args
-        inside = (self._inside_kinks(func, [args[0].xreplace({outer: b}), *args[1:]]) for b in (above, below))
-        return self._as_kink(Select(lam, *inside))
+        inside = [self._inside_kinks(func, [args[0].xreplace({outer: b}), *args[1:]]) for b in (above, below)]
+        # The root of -5 stands where no motion comes: of |Min(x, 5)| where that is negative and 5.
+        real = [branch for branch in inside if branch.is_extended_real is not False]
+        return real[0] if len(real) == 1 else self._as_kink(Select(lam, *inside))
 
     def _piecewise(self, e, sides):
         cases = list(e.args)

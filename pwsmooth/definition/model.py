@@ -64,26 +64,54 @@ class Select(sp.Function):
     def affine(self, surface=None):
         """The form that serves while the switch slides or its layer is resolved.
 
-        There its `surface` is 0: a power of it, |h|**1.5 say, is 0 with its whole series, and not that of its rounding.
+        There its `surface` is 0, and so are powers of it.
         """
-        lam, a, b = self.args
-        powers = dict.fromkeys(self.powers_of(surface), sp.S.Zero)
-        a, b = a.xreplace(powers), b.xreplace(powers)
-        return (a + b) / 2 + lam * (a - b) / 2
+        a, b = self.args[1:] if surface is None else self.on(surface)
+        return (a + b) / 2 + self.args[0] * (a - b) / 2
 
-    def powers_of(self, surface):
-        """The powers of a surface among the branches that are no polynomials."""
-        zero = core(surface)[1] if surface is not None else None
-        return [
-            p
-            for p in self.atoms(sp.Pow)
-            if not p.exp.is_integer and any(core(f)[1] == zero for f in sp.Mul.make_args(p.base))
-        ]
+    def on(self, surface):
+        """The branches on a surface: a power of it, |h|**1.5 say, is 0 with its whole series, and not that of its
+        rounding.
+        """
+        return tuple(_with_powers(e, surface, lambda p: sp.S.Zero) for e in self.args[1:])
 
     def clamped(self, surface):
         """The branches, up to the surface and a rounding beyond: powers of it do not become nan there."""
-        above = {p: Above(*p.args) for p in self.powers_of(surface) if p.exp.is_positive}
-        return tuple(e.xreplace(above) for e in self.args[1:])
+        return tuple(
+            _with_powers(e, surface, lambda p: Above(*p.args) if p.exp.is_positive else p)
+            for e in self.args[1:]
+        )
+
+
+def on_side(e, lam, side):
+    """A lifted expression on one side of a switch: of its selections the branches there."""
+    return e.xreplace({s: s.args[1 if side > 0 else 2] for s in e.atoms(Select) if s.args[0] == lam})
+
+
+def sides_of(surface):
+    """What a surface is on the sides of all switches that select in it."""
+    inner = min((s.args[0] for s in surface.atoms(Select)), key=str, default=None)
+    if inner is None:
+        return [surface]
+    return [h for side in (1, -1) for h in sides_of(on_side(surface, inner, side))]
+
+
+def _with_powers(e, surface, change):
+    """`e` with `change` applied to powers of a surface that are no polynomials, on a side of a switch to those of what
+    the surface is there.
+    """
+    zero = core(surface)[1]
+    changes = {
+        p: change(p)
+        for p in e.atoms(sp.Pow)
+        if not p.exp.is_integer and any(core(f)[1] == zero for f in sp.Mul.make_args(p.base))
+    }
+    inner = {s.args[0] for s in surface.atoms(Select)}
+    for s in e.atoms(Select) if inner else ():
+        if (lam := s.args[0]) in inner:
+            branches = zip(s.args[1:], (1, -1), strict=True)
+            changes[s] = Select(lam, *(_with_powers(b, on_side(surface, lam, k), change) for b, k in branches))
+    return e.xreplace(changes) if changes else e
 
 
 class Held(sp.Function):

@@ -45,6 +45,12 @@ def affine_in(e, lam, surface=None):
     return e.xreplace(selections) if selections else e
 
 
+def _on_surface(e, lam, surface):
+    """`e` where a surface is 0: there powers of it are 0, and not those of its rounding."""
+    selections = {s: Select(lam, *s.on(surface)) for s in e.atoms(Select) if s.args[0] == lam}
+    return e.xreplace(selections) if selections else e
+
+
 def may_skip_orders(e, time, moving):
     """Whether the Taylor series of a motion may lack orders that come again later, as that of 1/(1 + t**4) does.
 
@@ -302,10 +308,11 @@ def beside_kinks(field, index, speed, kinks):
 
 def classify(field, index, residual):
     """(class, hidden) of one switch of a lifted field."""
-    lam = field.switches[index][0]
-    dependent = field.by_multiplier[lam]
+    lam, h = field.switches[index]
+    dependent = [_on_surface(e, lam, h) for e in field.by_multiplier[lam]]
     if not dependent:
         return "kink", False
+    residual = _on_surface(residual, lam, h)
     response = Response(field, lam, residual)
     surface = Surface(field, index, [residual, *dependent, *response.equations])
     found = _class_on(surface, lam, residual, dependent, response)

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import sympy as sp
 
-from .model import EventSpec, Select, core
+from .model import EventSpec, Select, core, on_side
 
 KINDS = ("", "pole", "end", "cone", "branch")  # with their numbers in kernels/step/singular.py
 
@@ -185,10 +185,18 @@ class Bounds:
             result.append((branch, inside))
         return result
 
-    @staticmethod
-    def _knowing(h, sign, signs):
+    def _knowing(self, h, sign, signs):
+        """`signs` with that of h, and with those of surfaces on the sides that they tell of switches inside them."""
         c, inner = core(h)
-        return signs | {inner: sign if c > 0 else -sign}
+        if inner in signs or not inner.free_symbols:
+            return signs
+        signs = signs | {inner: sign if c > 0 else -sign}
+        for known, side in tuple(signs.items()):
+            for lam in {s.args[0] for s in known.atoms(Select)} & self.surface.keys():
+                c, within = core(self.surface[lam])
+                if within in signs:
+                    signs = self._knowing(on_side(known, lam, c * signs[within]), side, signs)
+        return signs
 
     def never_zero(self, e, signs):
         """Whether no motion brings `e` to 0."""

@@ -294,6 +294,7 @@ class Instant(Bundle):
     elapsed: "float"  # since the last instant
     fold: "int"  # switch that stands at its fold, or -1
     way: "int"  # direction of time along its root there
+    folds: "i8[m]"  # the same of switches that stand at their folds beside that one, of others 0
     at_clock: "int"  # whether a time event is due
     jumped: "int"  # whether the states have jumped
     together: "int"  # whether several coupled switches arrive

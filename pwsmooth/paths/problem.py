@@ -18,7 +18,7 @@ from ..codegen.families.coupled import MOST
 from ..codegen.machine.clock import preparing
 from ..codegen.machine.units import UNITS, unit_address, unit_addresses
 from ..definition.folds import fold_model
-from ..definition.model import EventSpec, Model, Multiplier
+from ..definition.model import EventSpec, Model, Multiplier, sides_of
 from ..definition.pointwise import fingerprint, value
 from ..definition.regularity import may_skip_orders
 from ..definition.sigmoids import sigmoid
@@ -408,9 +408,14 @@ def _twin(model: Model, event: EventSpec, fixed: Set[sp.Symbol]) -> tuple[int, i
     if event.surface is None or event.singular not in ("", "branch"):
         return -1, 0
     key = fingerprint(event.surface, frozenset(fixed))
-    for j, mu in enumerate(model.multipliers):
-        if key is not None and mu.kind == "switch" and fingerprint(mu.surface, frozenset(fixed)) == key:
-            factor = sp.cancel(event.surface / mu.surface)
+    for j, mu in enumerate(model.multipliers if key is not None else ()):
+        if mu.kind != "switch":
+            continue
+        # A power stands in a branch, where the surface that it is of may be simpler.
+        for h in (mu.surface,) if event.singular == "" else sides_of(mu.surface):
+            if fingerprint(h, frozenset(fixed)) != key:
+                continue
+            factor = sp.cancel(event.surface / h)
             # A factor of unknown sign does not say which side is which.
             if factor.free_symbols <= fixed and (factor.is_positive or factor.is_negative):
                 return j, 1 if factor.is_positive else -1

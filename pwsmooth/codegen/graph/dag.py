@@ -198,9 +198,11 @@ class Graph(Nodes):
         kind, j = self._variable.get(lam, ("", 0))
         if kind != "mult":
             return self.expression(e.affine())
-        e, surface = Select(lam, a, b), self.model.multipliers[j].surface
+        # Where an element has no neighbour nothing is selected: there a surface of a family is 1 more than its powers'.
+        beyond = {s: 0 for s, place in self._place.items() if place.base is None and place.offset}
+        e, surface = Select(lam, a, b), self.model.multipliers[j].surface.xreplace(beyond)
         a, b = (self.expression(branch) for branch in e.clamped(surface))
-        return self.select(j, a, b, self.expression(e.affine(surface)) if e.powers_of(surface) else None)
+        return self.select(j, a, b, self.expression(e.affine(surface)) if e.on(surface) != e.args[1:] else None)
 
     def _piecewise(self, e) -> int:
         node = self.num(math.nan)  # outside every condition, as in sympy

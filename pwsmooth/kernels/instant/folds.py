@@ -237,6 +237,23 @@ def _is_late(P, S, W, j, slope, bend):
 
 
 @kernel
+def note_folds_beside(P, S, W):
+    """Overwrites instant.folds: the directions in which switches go on that stand at their folds too, as members of a
+    family that move alike do; puts them there. What depends on others leaves with these, in one layer."""
+    near = _VANISHED if P.pair != 0 else _NEAR
+    for j in range(P.m):
+        W.instant.folds[j] = 0
+        alone = P.g_row[j + 1] - P.g_row[j] == 1 and j != W.instant.fold
+        if not alone or S.status[j] != SOLVED or not P.hidden[j] or P.kind[j] != SLIDING:
+            continue
+        slope = _slope(P, S, W, S.t, S.x, S.mult, j)
+        bend = _bend(P, S, W, S.t, S.x, S.mult, j, slope, _inward(S.mult[j]))
+        if abs(slope) <= near * abs(bend) or _is_late(P, S, W, j, slope, bend):
+            W.instant.folds[j] = 1 if bend > 0.0 else -1
+            S.mult[j] -= slope / bend
+
+
+@kernel
 def lost_at_a_fold(P, C, S, R, W, clear):
     """A root that Newton's method has lost, from W.arc.mult_before, within rounding of its fold: it leaves, recorded.
 

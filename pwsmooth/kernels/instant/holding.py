@@ -3,16 +3,17 @@
 A closed contact holds a piston at its stop whatever friction does there. A switch of relative degree 2 holds
 h = dh/dt = 0 with a lambda between its bounds, sliding to second order, as a closed contact does with its reaction: a
 relay that holds a position. Friction on the same body may hold with it; of two that hold one motion one knows its
-lambda, and the other one is HELD with what it has.
+lambda, and the other one is HELD with what it has. A field that vanishes beyond a bound keeps the motion on the bound
+by itself: the switch is on that side.
 Chain: settling.py, instants.py -> **this file** -> surface_rates.py, sliding.py.
 """
 
 from ..machine.compiling import inlined_kernel, kernel
 from ..state import AMB_REPELLING, EV_RESET, HELD, SECOND_ORDER, SLIDING, SOLVED
 from ..step.recording import record_ambiguity, record_event
-from ..surface.sliding import follow, mask_instant, mask_solved, surface_rounding
-from ..surface.sparse import entry
-from .surface_rates import approach_speed, evaluate_surfaces, residual
+from ..surface.sliding import follow, keep_on_surface, mask_instant, mask_solved, surface_rounding
+from ..surface.sparse import entry, link
+from .surface_rates import approach_speed, evaluate_surfaces, order_of_leaving, residual
 
 _NO_SLOPE = 1e-12  # of the diagonal
 AT_BOUND = 1e-9  # a multiplier no farther beyond its bound has come to it smoothly
@@ -41,6 +42,69 @@ def hold_supported(P, S, W, size):
             S.mult[j] = 0.0
         else:
             W.instant.active[rest] = j
+            rest += 1
+    return rest
+
+
+@kernel
+def _order_on(P, C, S, W, j, side):
+    """As order_of_leaving, by the field of one side of surface j."""
+    S.status[j], S.mult[j] = side, float(side)
+    speed = approach_speed(P, S, j, W)
+    if abs(speed) > W.instant.rest_speed:
+        return 1 if speed > 0.0 else -1
+    return order_of_leaving(P, C, S, W, j)
+
+
+@kernel
+def _is_coupled(P, S, W, j):
+    """Whether something else that is solved for, held or just met acts on switch j, or it on that."""
+    link(P, S, W, j)
+    for k in range(P.m):
+        alone = abs(S.status[k]) == 1 and (P.kind[k] != SLIDING or not W.instant.hit[k])
+        if k != j and W.linear.linked[k] and not alone:
+            return True
+    return False
+
+
+@kernel
+def take_side(P, C, S, R, W, j, far, met):
+    """Whether switch j, on its surface, takes a side because the field there does not move the surface at once.
+
+    It stays on the surface where that of one side never does and the other one leads back, as at the limit of an
+    integrator; where both fields vanish together, as at its release, it goes where both lead. `met`: from -far.
+    """
+    if P.hidden[j] != 0 or P.nested[j] != 0 or _is_coupled(P, S, W, j):
+        return False
+    status, mult, side = S.status[j], S.mult[j], 0
+    back, ahead = far * _order_on(P, C, S, W, j, -far), far * _order_on(P, C, S, W, j, far)
+    if ahead == 0 or ahead > 1:
+        if back > 0 or (back == 0 and met) or (ahead == 0 and back < -1):
+            side = far
+        elif back == 0 and ahead > 1:
+            side = -far
+    elif ahead < 0 and (back == 0 or max(ahead, back) < -1):
+        side = -far
+    if side == 0:
+        S.status[j], S.mult[j] = status, mult
+        return False
+    if (ahead == 0 and back < -1) or (back == 0 and ahead > 1 and not met):
+        record_ambiguity(S, R, j, AMB_REPELLING, side)
+    order = ahead if side == far else back
+    S.status[j], S.mult[j], S.deflate[j] = side, float(side), max(abs(order), 1)
+    keep_on_surface(P, S, j, W)
+    return True
+
+
+@kernel
+def take_sides(P, C, S, R, W, size, met):
+    """Settles those of W.instant.active[:size] that take a side so, and puts them behind the rest; how many remain."""
+    rest = 0
+    for a in range(size):
+        j = W.instant.active[a]
+        came = S.status[j] if abs(S.status[j]) == 1 else -1
+        if not take_side(P, C, S, R, W, j, -came, met):
+            W.instant.active[a], W.instant.active[rest] = W.instant.active[rest], j
             rest += 1
     return rest
 

@@ -69,6 +69,7 @@ from .firing import (
     step_inside,
     strike_switches,
 )
+from .folds import note_folds_beside
 from .holding import (
     AT_BOUND,
     hold_beside,
@@ -78,6 +79,7 @@ from .holding import (
     hold_what_rests,
     rest_with_friction,
     some_second_order,
+    take_sides,
 )
 from .other_motions import try_other_ratio
 from .plain import cross_stick_or_leave, only_one
@@ -120,6 +122,12 @@ def _take_along(P, S, W, size):
 def _arrivals(P, C, S, R, W, size, jumped):
     """Settles the switches active[:size] that met their surfaces: one by one where uncoupled, else in one layer."""
     instant = W.instant
+    all_met = size
+    size = take_sides(P, C, S, R, W, size, not jumped)
+    for a in range(size, all_met):
+        j = instant.active[a]
+        if S.status[j] != instant.came[j]:
+            record_event(S, R, j, EV_RESET if jumped else EV_CROSSING, instant.came[j], S.status[j])
     if len(P.contact) > 0:
         size = hold_supported(P, S, W, size)
         for j in range(P.m):
@@ -127,8 +135,8 @@ def _arrivals(P, C, S, R, W, size, jumped):
                 record_event(S, R, j, EV_STICK, instant.came[j], 0)
                 keep_on_surface(P, S, j, W)
                 forget_intervals(S.last[j], S.t)
-        if size == 0:
-            return GO_ON
+    if size == 0:
+        return GO_ON
     size = _take_along(P, S, W, size)
     joint = size
     for a in range(size):
@@ -341,11 +349,26 @@ def _settle_switches(P, C, S, R, W):
 
 
 @kernel
-def _leave_fold(P, S, R, W, fold):
+def _leave_folds(P, S, R, W, fold):
+    """What stands at the folds of its roots leaves them, one after the other: the others have no root meanwhile."""
+    folds = W.instant.folds
+    for j in range(P.m):
+        if folds[j] != 0:
+            S.status[j] = HELD
+    code = _leave_fold(P, S, R, W, fold, W.instant.way)
+    for j in range(P.m):
+        if folds[j] != 0 and code == GO_ON:
+            S.status[j] = SOLVED
+            code = _leave_fold(P, S, R, W, j, folds[j])
+    return code
+
+
+@kernel
+def _leave_fold(P, S, R, W, fold, way):
     """The switch or disc that stands at the fold of its root goes where its layer takes it from there; a code."""
     mult, status, at_fold = S.mult, S.status, S.mult[fold]
     S.layers += 1
-    outcome = call_layer_unit(P.layer_unit, P, S, W, LEAVE_FOLD, fold, W.instant.way, 0.0)
+    outcome = call_layer_unit(P.layer_unit, P, S, W, LEAVE_FOLD, fold, way, 0.0)
     code = layer_code(P, S, R, fold, outcome)
     if code == GO_ON and P.disc_of[fold] >= 0:
         fold = P.disc_of[fold]
@@ -386,7 +409,7 @@ def _follow_up(P, C, S, R, W):
     switches = AT_REST if W.instant.jumped != 0 else ALONE
     code = resettle_discs(P, C, S, R, W, switches) if P.discs != 0 else GO_ON
     if code == GO_ON:
-        code = resettle(P, S, R, W)
+        code = resettle(P, C, S, R, W)
     for j in range(P.m):
         if S.status[j] != W.instant.status[j] and S.status[j] != HELD and P.kind[j] != COMPONENT:
             record_event(S, R, j, EV_RESET, SOLVED, S.status[j])
@@ -469,6 +492,8 @@ def at_instant(P, C, S, R, W):
         return GO_ON
     W.step.refused = -1
     _note_what_is_met(P, C, S, W)
+    if fold >= 0:
+        note_folds_beside(P, S, W)
     if R.tape.shape[0] > 0:
         put_causes_on_tape(P, C, S, R, W)
     record_point(P, S, R)
@@ -535,7 +560,7 @@ def _settle(P, C, S, R, W, fold, only, struck):
     """
     instant = W.instant
     if fold >= 0:
-        code = _leave_fold(P, S, R, W, fold)
+        code = _leave_folds(P, S, R, W, fold)
         if code != GO_ON:
             return code
         struck = True

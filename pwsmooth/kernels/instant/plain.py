@@ -25,6 +25,8 @@ from ..step.recording import record_event
 from ..surface.sliding import follow, keep_on_surface, mask_solved, surface_speed
 from .surface_rates import evaluate_surfaces, note_rests_along, rests_along
 
+_NO_PUSH = 1e-12  # of dg/dlambda
+
 
 @kernel
 def only_one(P, S, W):
@@ -68,8 +70,8 @@ def cross_stick_or_leave(P, S, R, W, j):
             return NOTHING
     far, slope = W.g[j], W.G[P.g_diagonal[j]]
     ahead = -came * far  # > 0: the far side carries it on
-    if not (ahead - 2.0 * slope > 0.0 and abs(ahead) < math.inf):
-        S.mult[j] = float(came)  # the near side does not push: grazing
+    if not (ahead - 2.0 * slope > 0.0 and abs(far) > -_NO_PUSH * slope and abs(ahead) < math.inf):
+        S.mult[j] = float(came)  # a side does not push: grazing, or rest beyond a bound
         return NOTHING
     S.layers += 1
     S.deflate[j] = 1

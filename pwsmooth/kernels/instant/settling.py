@@ -35,6 +35,8 @@ from .holding import (
     hold_supported,
     rest_with_friction,
     some_second_order,
+    take_side,
+    take_sides,
 )
 from .surface_rates import any_is, evaluate_surfaces, look_ahead, look_back, order_of_leaving, residual
 
@@ -163,7 +165,7 @@ def settle_at_rest(P, C, S, R, W, size):
     instant, strong, count = W.instant, 0, 0
     for a in range(size):
         S.mult[instant.active[a]] = 0.0
-    size = hold_second_order(P, S, R, W, size)
+    size = hold_second_order(P, S, R, W, take_sides(P, C, S, R, W, size, False))
     _note_slopes(P, S, W, size)
     for a in range(size):
         j = instant.active[a]
@@ -275,7 +277,7 @@ def close_contact(P, S, j, W):
 
 
 @kernel
-def resettle(P, S, R, W):
+def resettle(P, C, S, R, W):
     """Sliding switches whose residual has jumped follow the layer flow from where they are, coupled ones together.
 
     Leaves the side of those that slip in S.status; returns a code.
@@ -301,9 +303,16 @@ def resettle(P, S, R, W):
             S.status[j], S.mult[j] = HELD, 0.0  # its load has come to an end
             known = False
             continue
-        if abs(g) <= 1e-12:
+        pushed = abs(g) > 1e-12
+        if not pushed and 1.0 - abs(lam) > _SAME:
             continue
         known = False
+        toward = 1 if (g if pushed else lam) > 0.0 else -1
+        if take_side(P, C, S, R, W, j, toward, False):
+            continue
+        S.mult[j] = lam
+        if not pushed:
+            continue
         size = sliding_with(P, S, W, j)
         code = settle_friction(P, S, R, W, size, False)
         if code == GO_ON or (code == NOTHING and S.status[j] == HELD):
@@ -320,7 +329,6 @@ def resettle(P, S, R, W):
             for a in range(size):
                 S.deflate[instant.active[a]] = 1
             continue
-        toward = 1 if g > 0.0 else -1
         if call_layer_unit(P.layer_unit, P, S, W, FIRST_ZERO, j, toward, lam) == 0:
             S.status[j] = toward
             S.mult[j] = float(toward)

@@ -182,10 +182,12 @@ def order_of_leaving(P, C, S, W, j):
     if not follow(P, S, W) or take_jet(P, C, S, True, W) < 0:
         return 0
     row, h = W.step.rows[P.rows_general[j]], pace(S)
-    size, power = 1e-3, 1.0
+    size, power, finite = 1e-3, 1.0, 0.0
     for k in range(1, _HIGHEST):
         power *= h
-        size = max(size, abs(row[k]) * power)
+        size, finite = max(size, abs(row[k]) * power), finite + 0.0 * row[k]
+    if finite != 0.0:
+        return _order_of_speed(P, S, W, j)  # a power has its branch point here
     power = 1.0
     for k in range(1, _HIGHEST):
         power *= h

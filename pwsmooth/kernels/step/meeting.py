@@ -5,20 +5,21 @@ Chain: steps.py (the polynomials) -> **this file** (roots.py finds the zeros) ->
 
 import math
 
+from ..intervals import time_size
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.lanes import load8, store8
 from ..machine.pointers import at, call_act, call_linear
-from ..state import ALGEBRAIC, COMPONENT, CONTACT, DISC, HELD, KINK, PAIR, SOLVED
+from ..state import ALGEBRAIC, COMPONENT, CONTACT, DISC, HELD, KINK, PAIR, SLIDING, SOLVED
 from ..surface.sliding import surface_size
 from .finer import SWITCHING
 from .rhythm import expected
 from .roots import GRAZING, NO_ROOT, first_root, low_bounds, remainder
-from .steps import SURFACE_ROUNDING, dot, powers, scaled, surface_rows
+from .steps import REACH, SURFACE_ROUNDING, dot, powers, scaled, surface_rows
 
 _LEAST = 1e-3  # of its tolerance: the rounding of a state that is a surface, where its arcs shrink
 _ROUNDING = 1e-13  # of what the terms of a series add up to
 _ROUNDING_OF_A_FIT = 1e-12  # of a lambda near 1 in the terms of the pair's fit: 2^-53 times some thousands
-_TOUCHES = 4  # orders to which a surface or a bound may be touched where a step begins
+_TOUCHES = 4  # orders to which a surface or a bound may be touched where a step begins, but for exact zeros
 _BEFORE = 1e-6  # of a step
 _RESTING = 8  # terms of a series that are looked at
 _NEARBY = 1e3  # times that: worth a look
@@ -30,7 +31,7 @@ _SHALLOW = 10.0  # tolerances: the interpolant of the pair is less good than its
 def _past_touches(row, power, poly, degree, drop, sign, rounding):
     """The zero orders to drop where a step begins: more than known, if they are rounding and the next leads away."""
     more, lowest = 0, math.inf
-    while more < _TOUCHES and abs(at(poly, more)) <= rounding:
+    while more < degree and abs(at(poly, more)) <= (rounding if more < _TOUCHES else 0.0):
         lowest = min(lowest, at(poly, more))
         more += 1
     if lowest <= 0.0 and at(poly, more) > 0.0:
@@ -134,7 +135,7 @@ def _kink_met(P, C, S, row, power, j, met, W):
     """
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     tolerance = max(0.01 * C.rtol, 1e-13) * surface_size(P, S, j, W)
-    if abs(row[0]) > tolerance:
+    if abs(row[0]) > tolerance or W.step.length <= 2.0 * REACH * time_size(S):
         return met
     poly = W.roots.poly
     scaled(row, power, poly, C.order, 0, float(S.status[j]))
@@ -158,9 +159,9 @@ def is_clocked(C, j):
 
 @kernel
 def rested_on(P, S, W, i):
-    """Whether surface i is that of an event, met before the last step, and the motion has rested on it since."""
+    """Whether surface i has been met before the last step, and the motion has rested on it since."""
     row = surface_rows(P, W.step.kind)[i]
-    if i < P.m or row < 0 or S.deflate[i] == 0:
+    if row < 0 or S.deflate[i] == 0 or (i < P.m and (P.kind[i] != SLIDING or abs(S.status[i]) != 1)):
         return False
     moved, power = 0.0, 1.0
     for k in range(1, _RESTING):

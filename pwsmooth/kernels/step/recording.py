@@ -1,5 +1,6 @@
 """Writing what happened into the Record buffers."""
 
+from ..intervals import time_size
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.lanes import load8, store8
 from ..state import (
@@ -21,8 +22,9 @@ from ..state import (
 from ..surface.sliding import INSIDE
 from ..surface.vector import begins
 from .collocation import NODES, STAGES
-from .steps import dot, powers
+from .steps import dot, powers, surface_rows
 
+_AT_ONCE, _LEVEL = 1e-13, 1e-9  # of the time, and of a surface's bend on the step: no way and no slope
 _LAST_MOMENTS = 256  # pieces of dense output that those of a slip in a disc may leave: closing.py
 
 
@@ -91,14 +93,24 @@ def _put_nodes_on_tape(P, S, R, W):
 
 
 @kernel
+def _leaves_from_rest(P, S, W, i):
+    """Whether the motion, which has rested on surface i, leaves it at this instant without speed: no zero of it."""
+    r = surface_rows(P, W.step.kind)[i]
+    still = r >= 0 and W.instant.elapsed <= _AT_ONCE * time_size(S)
+    return still and abs(W.step.rows[r, 1]) <= _LEVEL * W.step.length * abs(W.step.rows[r, 2])
+
+
+@kernel
 def put_causes_on_tape(P, C, S, R, W):
     """What the instant that begins is the zero of."""
-    instant, some = W.instant, False
-    if instant.fold >= 0:
+    instant, some = W.instant, W.instant.fold >= 0
+    if some:
         put_on_tape(P, S, R, TAPE_MEET, TAPE_FOLD, instant.fold, 0, 0.0)
-        some = True
+    for i in range(P.m if some else 0):
+        if instant.folds[i] != 0:
+            put_on_tape(P, S, R, TAPE_MEET, TAPE_FOLD, i, 0, 0.0)
     for i in range(P.m + P.ne):
-        if instant.hit[i]:
+        if instant.hit[i] and not (S.deflate[i] != 0 and _leaves_from_rest(P, S, W, i)):
             at_bound = i < P.m and S.status[i] == SOLVED
             put_on_tape(P, S, R, TAPE_MEET, TAPE_BOUND if at_bound else TAPE_SURFACE, i, 0, 0.0)
             some = True

@@ -22,6 +22,7 @@ from ..state import (
     EV_REST,
     EV_SINGULAR,
     GO_ON,
+    HELD,
     KINK,
     PAIR,
     SECOND_ORDER,
@@ -30,7 +31,7 @@ from ..state import (
     Record,
     State,
 )
-from ..surface.sliding import surface_size
+from ..surface.sliding import keep_on_surface, surface_size
 from ..work import Work
 from .finer import ON_ITS_WAY, SWITCHING, follow_as_asked, follow_to_rest
 from .recording import record_event, record_point
@@ -78,7 +79,7 @@ def _kink_at(P, i):
 def _speed_at(P, S, W, i, share):
     """|da/dt| with the argument of event i put to this share of itself, nan where that is not defined.
 
-    Leaves S.x there, and what the argument is there in W.h.
+    Leaves S.x there, and what the argument is there in W.h. At 0 its powers are 0, as where its kink is held.
     """
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     row, last = P.m + i, P.m + P.ne
@@ -91,7 +92,13 @@ def _speed_at(P, S, W, i, share):
         S.x[P.dh_col[e]] -= (1.0 - share) * W.dh[e] * value / square
     if P.watch_state[i] >= 0 and share == 0.0:
         S.x[P.watch_state[i]] = 0.0
+    j = _kink_at(P, i) if share == 0.0 else -1
+    lam = S.mult[j] if j >= 0 else 0.0
+    if j >= 0:
+        S.mult[j] = 0.0
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    if j >= 0:
+        S.mult[j] = lam
     speed = W.dh[P.dh_row[last] + row]
     for e in range(P.dh_row[row], P.dh_row[row + 1]):
         speed += W.dh[e] * W.dx[P.dh_col[e]]
@@ -106,7 +113,7 @@ def _stands(P, S, W, i, speed):
     there = _speed_at(P, S, W, i, 0.0)
     for k in range(P.n):
         S.x[k] = W.step.x[k]
-    return there <= (0.0 if _kink_at(P, i) >= 0 else _STANDS * speed)
+    return there <= _STANDS * speed
 
 
 @kernel
@@ -128,6 +135,15 @@ def _tolerance(P, S, W, i, atol):
     for e in range(P.dh_row[P.m + i], P.dh_row[P.m + i + 1]):
         total += abs(W.dh[e]) * atol[P.dh_col[e]]
     return 2.0 * total
+
+
+@kernel
+def _is_near(P, C, S, W, i, a):
+    """Whether argument i, of size a, is as near to 0 as its tolerance tells, or the error of what it is made of."""
+    if a <= _tolerance(P, S, W, i, W.step.atol):
+        return True
+    error = C.rtol if W.step.kind == PAIR else _LAST_OF_SIZE
+    return P.watch_state[i] < 0 and _kink_at(P, i) >= 0 and a <= error * surface_size(P, S, P.m + i, W)
 
 
 @kernel
@@ -162,8 +178,11 @@ def _arrived(P, S, R, W, i):
         stands = 1
     S.deflate[:] = 0
     S.stalled = 0
-    passes = P.watch[i] == CONE or (stands == 1 and P.watch_state[i] >= 0)
-    j = abs(P.twin[i]) - 1
+    j, holds = abs(P.twin[i]) - 1, stands == 1 and P.watch_state[i] < 0 and _kink_at(P, i) >= 0
+    if holds:  # no state that stays 0: its kink holds it
+        keep_on_surface(P, S, j, W)
+        S.status[j], S.mult[j] = HELD, 0.0
+    passes = P.watch[i] == CONE or (stands == 1 and P.watch_state[i] >= 0) or holds
     if passes and j >= 0 and P.kind[j] == CROSSING and abs(S.status[j]) == 1 and abs(P.at_zero[j]) == 1:
         S.status[j], S.mult[j] = P.at_zero[j], float(P.at_zero[j])  # what conditions say of 0
     if P.watch[i] != CONE:
@@ -226,7 +245,7 @@ def approach(P, C, S, R, W):
         if not (in_sight or s <= min(1.0, first)) or not _is_active(P, S, W, i):
             continue
         if in_sight:
-            near = left <= 1e-13 * time_size(S) or a <= _tolerance(P, S, W, i, W.step.atol)
+            near = left <= 1e-13 * time_size(S) or _is_near(P, C, S, W, i, a)
             if near and W.step.nears != SWITCHING and (kind != PAIR or left <= max(1.2 * h, 1e-9)):
                 if P.watch[i] != BRANCH or _stands(P, S, W, i, speed):
                     W.step.arrives = i

@@ -64,6 +64,7 @@ def variation(row, power, K):
 
 
 _TICKS = 4e-15  # of the time: some of its roundings
+REACH = 1e-11  # of the time: how near a surface is on which a power has its branch point
 _FLAT_REACH = 5.0  # exp(-5): within that of 0 the coefficients show all
 _FLAT_SHARE = 0.7  # of the way to 0, from farther
 SURFACE_ROUNDING = 1e-15  # below which a surface's series is noise, as of one that rests at 0
@@ -232,7 +233,7 @@ def reach_singular_surface(P, C, S, W, h):
 
     There the Taylor steps shrink with the distance left (delta^1.5 at release) and would never arrive.
     """
-    rows, mult_row, reach = W.step.rows, W.step.mult_row, 1e-11 * time_size(S)
+    rows, mult_row, reach = W.step.rows, W.step.mult_row, REACH * time_size(S)
     all_rows = surface_rows(P, W.step.kind)
     for i in range(P.m + P.ne):
         row = all_rows[i]

@@ -384,7 +384,8 @@ def meet_fold(P, V, j):
     if not V.on_arc:
         _change(P, V, j, G_X, V.other_dt)
         speed = V.other_dt[V.columns]
-        if number_unknowns(V, V.mask, P.m) > 1 or speed == 0.0:
+        alone = P.g_row[j + 1] - P.g_row[j] == 1 or number_unknowns(V, V.mask, P.m) == 1
+        if not alone or speed == 0.0:
             V.why = UNKNOWN
             return
         for block in range(0, V.columns, 8):

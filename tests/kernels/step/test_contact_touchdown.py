@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.integrate import solve_ivp
 
-from pwsmooth import Event, Memory, System, solve
+from pwsmooth import Event, Family, Memory, System, solve
 
 x, y, u, v = sp.symbols("x y u v", real=True)
 
@@ -45,3 +46,23 @@ def test_a_journal_bounces_in_its_bearing_and_keeps_energy_and_spin(flagged):
     steps = solution.cost["steps"]
     assert np.ptp(solution["energy"]) < 40 * 1e-10 * steps * solution["energy"][0]
     assert np.ptp(solution["spin"]) < 1e-10 * len(names) * abs(solution["spin"][0])
+
+
+@pytest.mark.parametrize("n", [6, 12])
+@pytest.mark.parametrize(("power", "k"), [(1, 1e4), (2, 1e6), (sp.Rational(3, 2), 1e5)])
+def test_a_row_is_struck_whether_its_elements_touch_or_not(n, power, k):
+    # Two switches of each gap, one of each neighbour; behind a touch the gaps close with ever higher powers of time.
+    family = Family(n)
+    x, v = family.symbols("x v")
+    ahead, behind = (sp.Max(0, d) ** power for d in (x - family.neighbour(x, 1), family.neighbour(x, -1) - x))
+    row = System({x: v, v: k * (behind - ahead)})
+
+    def rates(t, z):
+        push = k * np.maximum(0, z[: n - 1] - z[1:n]) ** float(power)
+        return np.r_[z[n:], np.r_[0, push] - np.r_[push, 0]]
+
+    for gap in (0, 1e-5):
+        start = np.r_[-1e-3, gap * np.arange(1, n), 1, np.zeros(n - 1)]
+        ends = solve_ivp(rates, (0, 0.1), start, method="DOP853", rtol=1e-11, atol=1e-13, max_step=1e-3)
+        run = solve(row, (0, 0.1), {x: start[:n], v: start[n:]})
+        assert run.success and np.abs(run.x[: 2 * n, -1] - ends.y[:, -1]).max() < 1e-6

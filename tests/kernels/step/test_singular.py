@@ -211,6 +211,66 @@ def test_a_difference_that_comes_to_rest_says_what_to_do():
     assert "make x - y a state of its own" in solution.message
 
 
+d = x - y + a
+FLOWS = {
+    "sign": sp.sign(d) * sp.sqrt(sp.Abs(d)),
+    "branches": sp.Piecewise((sp.sqrt(d), d > 0), (-sp.sqrt(-d), True)),
+    "maxima": sp.sqrt(sp.Max(0, d)) - sp.sqrt(sp.Max(0, -d)),
+}
+
+
+@METHODS
+@pytest.mark.parametrize("flow", FLOWS.values(), ids=FLOWS)
+@pytest.mark.parametrize("size", [1, 1e6, 1e-6])
+def test_two_tanks_come_to_one_level_and_stay_there(method, flow, size):
+    # d' = -0.6 k sqrt(d) from 3: at rest after sqrt(3)/0.3, in units in which sqrt(size) k = size
+    tanks = System({x: -0.3 * h * flow, y: 0.3 * h * flow}, parameters={h: 1, a: 0})
+    for offset in (0, 0.37):
+        start = size * np.array([4 - offset, 1])
+        values = {h: math.sqrt(size), a: offset * size}
+        run = solve(tanks, (0, 10), start, method=method, parameters=values, atol=1e-12 * size)
+        assert run.success and run.x[0, -1] + offset * size == pytest.approx(run.x[1, -1], rel=1e-8)
+        assert run.x[:, -1].sum() == pytest.approx(start.sum(), rel=1e-9)
+        assert run.event_times("rest") == pytest.approx([math.sqrt(3) / 0.3], abs=1e-3)
+
+
+@METHODS
+def test_tanks_that_are_level_go_on_with_an_inflow(method):
+    inflow = sp.Piecewise((h, t > 8), (0, True))
+    tanks = System({x: inflow - FLOWS["sign"], y: FLOWS["sign"]}, time=t, parameters={h: 1, a: 0})
+    run = solve(tanks, (0, 9), [4, 1], method=method)
+    # from level d' = 1 - 2 sqrt(d): t = -s - ln(1 - 2 s)/2, s = sqrt(d)
+    s = brentq(lambda s: -s - math.log(1 - 2 * s) / 2 - 1, 0, 0.5 - 1e-12, xtol=1e-15)
+    assert run.x[:, -1] == pytest.approx([3 + s**2 / 2, 3 - s**2 / 2], abs=1e-6)
+
+
+@METHODS
+def test_a_root_of_a_minimum_is_that_of_its_branches(method):
+    # a reed: d' = 1/10 - sgn(d) sqrt|d| tends to d = 1/100; z' = sqrt|e| over e from -1 to 1
+    d, e = sp.Min(0.55, t / 10) - x, sp.Min(x, 5)
+    run = solve(System({x: sp.sign(d) * sp.sqrt(sp.Abs(d))}, time=t), (0, 3), {x: 0.01}, method=method)
+    assert run["x"][-1] == pytest.approx(0.29, abs=1e-5)
+    both = System({x: 1, y: sp.sqrt(sp.Abs(e)), w: sp.sign(e) * sp.sqrt(sp.Abs(e))})
+    assert solve(both, (0, 2), [-1, 0, 0], method=method).x[:, -1] == pytest.approx([1, 4 / 3, 0], abs=1e-6)
+
+
+@METHODS
+def test_tanks_above_a_sill_come_to_one_level(method):
+    d = sp.Max(x, a) - sp.Max(y, a)
+    flow = sp.sign(d) * sp.sqrt(sp.Abs(d))
+    tanks = System({x: -flow, y: flow}, parameters={a: 2})
+    for start, end in (([4, 1], [2.5, 2.5]), ([2.5, 1], [2, 1.5]), ([1, 4], [2.5, 2.5])):
+        assert solve(tanks, (0, 10), start, method=method).x[:, -1] == pytest.approx(end, abs=1e-6)
+
+
+@METHODS
+def test_a_check_valve_closes_with_the_flow(method):
+    # x/10 + y = 0.1 + (1 - (t - 1)^2)/2; d = x - y closes as (0.66 (1 - t))^2; shut from t = 1
+    q = 1.5 * sp.sqrt(sp.Max(0, x - y))
+    run = solve(System({x: 10 * (1 - t - q), y: q}, time=t), (0, 2), [1, 0], method=method)
+    assert run.success and run.x[:, -1] == pytest.approx([6 / 11 - 5, 6 / 11], abs=1e-6)
+
+
 @METHODS
 def test_the_tip_of_a_cone_is_passed(method):
     # y' = |x|, x from -1 to 2

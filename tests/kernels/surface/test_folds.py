@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Outcome, Switch, System, solve
+from pwsmooth import Family, Outcome, Switch, System, solve
 
 t, v, w, A, rho = sp.symbols("t v w A rho", real=True)
 lam = Switch("lam", v)
@@ -160,3 +160,28 @@ def test_a_stick_ends_at_its_fold_however_late(strength, frequency, periods):
         late, (0, periods * 2 * math.pi / frequency), [0.5, 0.3], t_eval=[periods * 2 * math.pi / frequency]
     )
     assert run.success, run.message
+
+
+@pytest.mark.parametrize("method", ["taylor", "rk"])
+@pytest.mark.parametrize("n", [2, 9])
+def test_members_that_stand_at_their_folds_together_leave_together(method, n):
+    def oscillator(y, v):
+        lam = Switch("lam", v)
+        rate = -level * sp.sin(t) - sp.Rational(31, 10) * y - v / 10 - lam * (1 + 3 * (1 - lam**2))
+        return System({y: v, v: rate}, time=t, parameters={level: 2.4})
+
+    level = sp.Symbol("level", positive=True)
+    options = {"rtol": 1e-11, "atol": 1e-13, "method": method}
+    alone = solve(
+        oscillator(*sp.symbols("y v", real=True)), (0, 7), [0.5, 0.3], **options, with_respect_to=[level]
+    )
+    # the first members move alike, the last one a little later
+    start = [0.5] * (n - 1) + [0.501] + [0.3] * n
+    many = oscillator(*Family(n).symbols("y v"))
+    run = solve(many, (0, 7), start, **options)
+    with_slopes = solve(many, (0, 7), start, **options, with_respect_to=[level])
+    for together in (run, with_slopes):
+        assert together.success and len(together.event_times("slip by fold")) == n * 2
+        assert together.x[: n - 1, -1] == pytest.approx(alone.x[0, -1], abs=1e-8)
+    slopes = with_slopes.derivatives.x[: n - 1, 0, -1]
+    assert slopes == pytest.approx(alone.derivatives.x[0, 0, -1], abs=1e-5)
