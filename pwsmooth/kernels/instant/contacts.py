@@ -23,6 +23,7 @@ from ..state import (
     DISC,
     EV_ACCUMULATION,
     EV_CLOSED,
+    EV_CROSSING,
     EV_IMPACT,
     EV_OPENING,
     SLIDING,
@@ -120,17 +121,41 @@ def part_or_press(P, S, W, j):
 
 
 @kernel
+def acts(P, W, k):
+    """Whether lambda_k acts on what is solved for, by the slopes in W.G: friction does not if its contact is open."""
+    if W.G[P.g_diagonal[k]] != 0.0:
+        return True
+    for i in range(P.m):
+        if P.kind[i] != DISC and entry(P.g_row, P.g_col, W.G, i, k) != 0.0:
+            return True
+    return False
+
+
+@kernel
 def _mask_acting(P, S, W):
-    """Overwrites W.mask: what is solved now, without friction that acts on nothing, as its contact has opened."""
+    """Overwrites W.mask: what is solved now, without friction that acts on nothing."""
     mask_solved(P, S, W)
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     for k in range(P.m):
-        if W.mask[k] == 0 or (P.kind[k] != SLIDING and P.kind[k] != COMPONENT) or W.G[P.g_diagonal[k]] != 0.0:
+        if W.mask[k] and (P.kind[k] == SLIDING or P.kind[k] == COMPONENT) and not acts(P, W, k):
+            W.mask[k] = 0
+
+
+@kernel
+def cross_without_load(P, S, R, W, size):
+    """Lets those of W.instant.active[:size] cross that act on nothing; returns the size without them."""
+    rest = 0
+    evaluate_surfaces(P, S, W)
+    for a in range(size):
+        j = W.instant.active[a]
+        if acts(P, W, j):
+            W.instant.active[rest] = j
+            rest += 1
             continue
-        W.mask[k] = 0
-        for i in range(P.m):
-            if P.kind[i] != DISC and entry(P.g_row, P.g_col, W.G, i, k) != 0.0:
-                W.mask[k] = 1
+        record_event(S, R, j, EV_CROSSING, S.status[j], -S.status[j])
+        S.status[j] = -S.status[j]
+        S.mult[j], S.deflate[j] = float(S.status[j]), 1
+    return rest
 
 
 @kernel

@@ -51,6 +51,7 @@ from .contacts import (
     UNCHANGED,
     UNTOLD,
     collapses,
+    cross_without_load,
     impact_to_the_end,
     outcome_of,
     part_or_press,
@@ -129,6 +130,8 @@ def _arrivals(P, C, S, R, W, size, jumped):
         if S.status[j] != instant.came[j]:
             record_event(S, R, j, EV_RESET if jumped else EV_CROSSING, instant.came[j], S.status[j])
     if len(P.contact) > 0:
+        if not jumped:
+            size = cross_without_load(P, S, R, W, size)
         size = hold_supported(P, S, W, size)
         for j in range(P.m):
             if S.status[j] == HELD and instant.came[j] != HELD and instant.hit[j]:
