@@ -126,6 +126,8 @@ class Lifting:
             return self._angle(args[0], args[1], sides)
         if e.func in _BY_FLOOR and any(self._moves(a) for a in args):
             return _BY_FLOOR[e.func](lambda u: self._floor(u, sides), *args)
+        if isinstance(e, sp.frac):  # of what does not move, for which no code is written
+            return _BY_FLOOR[sp.frac](sp.floor, *args)
         if isinstance(e, _UNSUPPORTED) and any(self._moves(a) for a in args):
             raise ValueError(
                 f"{e} stands in the system, but {e.func.__name__} cannot be lifted. Declare symbols "

@@ -43,6 +43,7 @@ class Outcome(IntEnum):
     IRREVERSIBLE = -16
     INCONSISTENT_CONTACT = -17
     JAM = -18
+    BEHIND_CONTACT = -19
 
     @property
     def text(self) -> str:
@@ -77,7 +78,8 @@ _TEXTS = {
     Outcome.EVENT_LOOP: "Events at one instant keep firing each other: let the `when` of each "
     "`Event` exclude the others after the update.",
     Outcome.NO_ROOT: "No attracting root of the layer was found and no direction leads out of it: the layer "
-    "system may be unbounded; check the sign of the hidden term.",
+    "system may be unbounded; check the sign of the hidden term. Of a system with an `Algebraic`: its equation has no "
+    "root here, or has lost the one that was followed.",
     Outcome.SINGULAR: "The equations of the sliding, closed or algebraic multipliers are singular: two of them "
     "may constrain the same motion; or more than 128 contacts or frictions between elements of a family hold, whose "
     "forces are not solved for together: take a spring with a gap.",
@@ -87,6 +89,8 @@ _TEXTS = {
     "below 0, as above a table that rises by a step, let it move there in a finite time.",
     Outcome.JAM: "The reaction of a slipping contact grows beyond all bounds, as its friction comes to push as hard as "
     "it holds (Painleve's paradox, dynamic jam): a compliant contact (`pwsmooth.laws.contact`) decides what follows.",
+    Outcome.BEHIND_CONTACT: "The gap of a rigid contact is negative at the start or after an update, and no motion "
+    "begins behind a stop: give states with gaps of 0 or more, or turn the sign of the gap.",
     Outcome.IRREVERSIBLE: "Backward in time the past is not unique from here: forward the motion has come to a "
     "stick or to rest, an event has set a memory, or an impact returned nothing. Start before it and go forward.",
     Outcome.LAYER_UNSETTLED: "The layer system neither settled nor left within its bound: a hidden "

@@ -109,11 +109,12 @@ class Slices:
     def __init__(self, length: int) -> None:
         self.length, self.begun = length, 0.0
 
-    def next(self) -> int:
-        """The length of the next slice, in steps; the first time that of the one whose cost nobody has taken."""
+    def next(self, made: int) -> int:
+        """The length of the next slice after one of `made` steps; the cost of the first of all nobody has taken."""
         begun, self.begun = self.begun, clock.now()
         if begun:
-            self.length = max(1, int(self.length * VISIT / max(self.begun - begun, VISIT / _GROWTH)))
+            took = max(self.begun - begun, VISIT / _GROWTH)
+            self.length = max(1, int(made * VISIT / took) if made else self.length // 2)
         return self.length
 
 

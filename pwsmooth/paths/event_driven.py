@@ -375,7 +375,7 @@ class EventDriven:
             code = advance(record)
             if code != Outcome.TOO_MANY_STEPS and code != Outcome.OUT_OF_MEMORY:
                 break
-            taken = number(_Cells.steps)
+            before, taken = taken, number(_Cells.steps)
             if code == Outcome.OUT_OF_MEMORY:
                 if (larger := more(record)) is None:
                     break
@@ -385,7 +385,7 @@ class EventDriven:
             if spending.late():
                 code = Outcome.TIME_LIMIT
                 break
-            steps = slices.next()
+            steps = slices.next(taken - before)
         spending.spend(number(_Cells.steps) - begun)
         return code, record
 

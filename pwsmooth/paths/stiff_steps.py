@@ -186,15 +186,15 @@ def integrate(
         ]
 
     steps = min(first_slice(compiled.n), _CHUNK)
-    slices = Slices(steps)
+    slices, made = Slices(steps), 0
     pieces, polynomials, events = [(np.array([t0]), run.x[None].copy())], [], []
     while True:
-        before = run.t
+        begun = run.t
         status = chunk(run.address, steps)
         k = run.points
         pieces.append((run.times[:k].copy(), run.states[:k].copy()))
         if dense:
-            starts = np.concatenate([[before], run.times[:k]])
+            starts = np.concatenate([[begun], run.times[:k]])
             polynomials += [
                 (float(starts[i]), float(run.length[i]), run.coefficients[i, :, : run.degree[i] + 1].copy())
                 for i in range(k)
@@ -208,7 +208,8 @@ def integrate(
         if spending.late():
             status = Outcome.TIME_LIMIT
             break
-        steps = min(slices.next(), _CHUNK)
+        made, before = run.steps + run.rejections, made
+        steps = min(slices.next(made - before), _CHUNK)
         # The Solution will hold the polynomials once more, of degree 16 at most.
         if dense and len(pieces) % 16 == 0 and not memory.fits(len(polynomials) * 8 * 17 * compiled.n):
             break

@@ -118,6 +118,8 @@ def ambiguities_in_words(model: Model, times: np.ndarray, records: np.ndarray) -
     found = []
     for t, (index, kind, taken) in zip(times.tolist(), records.tolist(), strict=True):
         name, continuations = words[kind]
+        if kind == names.AMB_SEVERAL_ROOTS and model.multipliers[index].kind == "algebraic":
+            name, continuations = "several roots of an unknown", ("this root", "another one, of other sides")
         disc = index < len(model.multipliers) and model.multipliers[index].kind == "disc"
         if kind in (names.AMB_TWO_FOLD, names.AMB_HIDDEN_OSCILLATION):
             choice = "stopped"

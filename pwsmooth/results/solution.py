@@ -20,7 +20,7 @@ from ..definition.views import substitutes
 from ..door import calls, checks
 from ..door.describe import Described, Rows, listed, values
 from . import outputs
-from .blow_up import blow_up_in_words
+from .failures import blow_up_in_words, gaps_in_words
 from .records import KINDS, Ambiguity, AmbiguityLog, Dense, EventLog, EventRecord, Listed, Outcome, Segment
 
 if TYPE_CHECKING:
@@ -186,6 +186,8 @@ class Solution(Described):
         """The outcome in words, with what to try next."""
         if self.outcome in (Outcome.STEP_UNDERFLOW, Outcome.NOT_FINITE) and (blow_up := blow_up_in_words(self)):
             return f"{self.outcome.name.lower().replace('_', ' ')}: {blow_up}"
+        if self.outcome is Outcome.BEHIND_CONTACT and (gaps := gaps_in_words(self)):
+            return f"{self.outcome} At t = {self.t[-1]:.9g} {gaps}."
         named = {Outcome.SINGULAR_POINT: -1, Outcome.IRREVERSIBLE: 0}
         if self.outcome not in named or not self.events:
             return str(self.outcome)

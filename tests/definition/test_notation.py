@@ -14,7 +14,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 from sympy.physics import mechanics
 
-from pwsmooth import Event, Family, Memory, Switch, System, Unilateral, find_orbit, follow, solve
+from pwsmooth import Drive, Event, Family, Memory, Switch, System, Unilateral, find_orbit, follow, solve
 
 t, x, v, w = sp.symbols("t x v w", real=True)
 T, d, b, c, q = sp.symbols("T d b c q", real=True)
@@ -45,6 +45,21 @@ def test_floor_ceiling_and_frac_of_a_state_are_what_numpy_says():
     assert abs(solution["v"][-1] - exact) < 1e-9
     # Integers lie on one more surface than halves do: 2x = 2, 4, ... is one of the second as well.
     assert {round(event.time - 2.3, 6) for event in solution.events} == {k / 2 for k in range(-4, 6)}
+
+
+def test_the_fraction_of_what_rests_between_events_is_its_own():
+    """Of a parameter, of a drive that holds, of a memory in the rates and in its update."""
+    held, last = sp.Symbol("held", real=True), Memory("last", 0.3)
+    drive = Drive([0, 1, 2, 3], [0.3, 1.7, -0.4, 5.0], kind="hold")
+    system = System(
+        {x: sp.frac(d) + sp.frac(held) + last},
+        time=t, parameters={d: 2.75}, drives={held: drive},
+        events=[Event(at=[0.5, 1.5, 2.5], update={last: sp.frac(last + held)})],
+    )  # fmt: skip
+    solution = solve(system, (0, 3), {x: 0})
+    # The memory is frac(.3 + .3) from 1/2 on, then frac(.6 + 1.7), then frac(.3 - .4).
+    remembered = 0.3 / 2 + 0.6 + 0.3 + 0.9 / 2
+    assert solution["x"][-1] == pytest.approx(3 * 0.75 + (0.3 + 0.7 + 0.6) + remembered, abs=1e-12)
 
 
 def test_random_staircases_agree_with_exact_arithmetic():

@@ -216,13 +216,14 @@ def load_kernels(name: str) -> ModuleType:
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file under a temporary name and move it into place, so that no reader meets half of it."""
+    """Write a file under a temporary name and move it into place, so that no reader meets half of it.
+
+    After a power cut the name may stand without the content, which its mark then tells: nobody waits for the disk.
+    """
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".tmp")
     try:
         with os.fdopen(handle, "wb") as stream:
             stream.write(content)
-            stream.flush()
-            os.fsync(stream.fileno())  # else a power cut may leave the name without the content
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)
     except BaseException:

@@ -30,7 +30,15 @@ from ..state import (
     SOLVED,
 )
 from ..step.recording import record_ambiguity, record_event
-from ..surface.sliding import common_gradient, go_down_gradient, keep_on_surface, mask_solved, surface_rounding
+from ..surface.sliding import (
+    common_gradient,
+    go_down_gradient,
+    keep_on_surface,
+    mask_solved,
+    surface_rounding,
+    surface_size,
+    surface_tolerance,
+)
 from ..surface.sparse import entry, solve_dense, solve_masked
 from .impacts import (
     CHANGED,
@@ -53,6 +61,10 @@ _COLLAPSED = 1e-3  # of the time over which impacts have come ever sooner: so la
 _TURNS = 3  # of a projection: the gaps of bodies that turn are not linear
 _EQUAL = 1e-12  # of the largest speed or force: what is smaller is rounding
 _JAM = 1e-6  # of what friction does to a gap, beside which the rest of its reaction is small
+_GAP_ROUNDING, _GAP_TOLERANCES = (
+    1e-9,
+    1e3,
+)  # of a gap's size, and of what `atol` leaves of it: how well a state is known
 _SINGULAR = 1e10  # a force so many times the others comes of a singular matrix
 
 
@@ -92,6 +104,17 @@ def _find_touching(P, S, R, W):
         contacts.speed[a] = approach_speed(P, S, contacts.touching[a], W)
         contacts.at_rest[a] = W.instant.rest_speed
     return size
+
+
+@kernel
+def is_behind(P, C, S, W):
+    """Whether a gap is negative by more than states are known to: a start or an update that no contact allows."""
+    evaluate_surfaces(P, S, W)
+    for c in range(len(P.contact)):
+        j = P.contact[c]
+        if W.h[j] < -_GAP_ROUNDING * surface_size(P, S, j, W) - _GAP_TOLERANCES * surface_tolerance(P, C, W, j):
+            return True
+    return False
 
 
 @kernel

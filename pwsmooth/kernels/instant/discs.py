@@ -30,7 +30,7 @@ from ..state import (
 from ..step.recording import record_ambiguity, record_event
 from ..surface.dependent import put_at_rest
 from ..surface.layer import ARRIVE
-from ..surface.sliding import INSIDE, keep_at_rest, mask_solved
+from ..surface.sliding import INSIDE, keep_at_rest, mask_solved, surface_tolerance
 from ..surface.sparse import link
 from ..surface.vector import begins, own_slopes, push_of_disc, pushes_back, slopes_of_disc, turn
 from .settling import layer_code, settle_arrivals, settle_at_rest
@@ -199,6 +199,9 @@ def settle_disc(P, S, R, W, j, arrives):
         if len(P.contact) > 0 and depend(P, S, W, j, True):
             return settle_dependent(P, S, R, W, False)
         return _settle_one(P, S, R, W, j, arrives)
+    if push_of_disc(P, S, W, j) > _MOVED:  # as where lambda stands beside |h| alone
+        _settle_without_force(P, S, W, j)
+        return GO_ON
     look_ahead(P, S, W)
     code = _settle_one(P, S, R, W, j, False)
     for k in range(j, j + 1 + P.dim[j]):
@@ -362,8 +365,7 @@ def _hold_those_at_rest(P, C, S, W, j):
         linked, tolerance = False, C.rtol * math.sqrt(W.meeting.widest[k])
         for i in range(k + 1, k + 1 + P.dim[k]):
             linked = linked or W.linear.linked[i] != 0
-            for e in range(P.dh_row[i], P.dh_row[i + 1]):
-                tolerance += abs(W.dh[e]) * C.atol[P.dh_col[e]]
+            tolerance += surface_tolerance(P, C, W, i)
         if linked and W.h[k] <= (_STILL * tolerance) ** 2:
             W.instant.hit[k] = some = True
             hold(P, S, k)

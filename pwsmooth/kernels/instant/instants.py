@@ -14,6 +14,7 @@ from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_layer_unit
 from ..outcome import Outcome
 from ..state import (
+    ALGEBRAIC,
     AMB_CHATTERING,
     ANY,
     COMPONENT,
@@ -27,6 +28,7 @@ from ..state import (
     EV_TANGENCY,
     GO_ON,
     HELD,
+    KINK,
     MOST_AT_ONCE,
     NOTHING,
     SECOND_ORDER,
@@ -42,7 +44,7 @@ from ..step.meeting import rested_on
 from ..step.recording import put_causes_on_tape, record_ambiguity, record_event, record_point
 from ..step.singular import has_branch_point
 from ..surface.layer import LEAVE_FOLD
-from ..surface.sliding import INSIDE, keep_on_surface, surface_rounding
+from ..surface.sliding import INSIDE, keep_on_surface, surface_rounding, surface_tolerance
 from ..surface.sparse import link
 from ..surface.vector import begins
 from ..work import Work
@@ -53,6 +55,7 @@ from .contacts import (
     collapses,
     cross_without_load,
     impact_to_the_end,
+    is_behind,
     outcome_of,
     part_or_press,
     settle_contacts,
@@ -88,11 +91,13 @@ from .resting import come_to_rest, rests_on_kink, stay_at_rest
 from .settling import layer_code, resettle, settle_arrivals, settle_at_rest, settle_together
 from .starting import start
 from .surface_rates import (
+    any_kind,
     approach_speed,
     arc_ahead,
     evaluate_surfaces,
     leading_order,
     note_rests_along,
+    order_of_leaving,
     rests_along,
     stays_at_zero,
     stop_normal_speed,
@@ -217,11 +222,11 @@ def _arrivals(P, C, S, R, W, size, jumped):
 
 @kernel
 def _is_minute(P, C, S, W, j, speed, interval):
-    """Whether an arc about surface j that takes `interval` is within the states' absolute tolerances of 0."""
-    tolerance = 0.0
-    for e in range(P.dh_row[j], P.dh_row[j + 1]):
-        tolerance += abs(W.dh[e]) * C.atol[P.dh_col[e]]
-    return 0.25 * abs(speed) * interval < tolerance  # the height of an arc
+    """Whether an arc about surface j that takes `interval` is within the states' absolute tolerances of 0, or nothing
+    beside the farthest one: no unit of the states decides."""
+    return 0.25 * abs(speed) * interval < max(
+        surface_tolerance(P, C, W, j), C.rtol * S.arcs[j, 1]
+    )  # its height
 
 
 @kernel
@@ -420,13 +425,17 @@ def _follow_up(P, C, S, R, W):
 
 
 @kernel
-def _sides_of_events(P, S, W):
+def _sides_of_events(P, C, S, W):
     """After x has jumped: an event surface on which it still stands is left to where the motion goes on."""
     for i in range(P.ne):
         if W.instant.hit[P.m + i] and S.deflate[P.m + i] != 0:
-            speed = approach_speed(P, S, P.m + i, W)
-            if abs(speed) > W.instant.rest_speed:
-                S.side[i] = 1 if speed > 0.0 else -1
+            if P.nested[P.m + i] != 0:
+                way = float(order_of_leaving(P, C, S, W, P.m + i))  # unknowns in it move as well
+            else:
+                way = approach_speed(P, S, P.m + i, W)
+                way = way if abs(way) > W.instant.rest_speed else 0.0
+            if way != 0.0:
+                S.side[i] = 1 if way > 0.0 else -1
 
 
 @kernel
@@ -473,6 +482,15 @@ def _note_what_is_met(P, C, S, W):
             step_inside(P, S, j, W)  # the last state of this side: on the other one its field may not exist
 
 
+@kernel
+def _unknowns_turn(P, W):
+    """Whether a kink of what an unknown stands in has been met: both sides lead back to it where a root ends there."""
+    found = False
+    for j in range(P.m):
+        found = found or (W.instant.hit[j] and P.nested[j] != 0 and P.kind[j] == KINK)
+    return found and any_kind(P, ALGEBRAIC)
+
+
 @unit(types.int64, Problem, Control, State, Record, Work)
 def at_instant(P, C, S, R, W):
     """Acts on everything that happens at the present instant, at which S already stands. Returns a code.
@@ -505,7 +523,7 @@ def at_instant(P, C, S, R, W):
     if S.stalled > MOST_AT_ONCE or (len(P.contact) > 1 and collapses(P, S, W)):
         # Derivatives do not go through what is told as one instant.
         if len(P.contact) == 0 or R.tape.shape[0] > 0 or not impact_to_the_end(P, S, R, W):
-            return Outcome.CHATTERING
+            return Outcome.NO_ROOT if _unknowns_turn(P, W) else Outcome.CHATTERING
         S.stalled = 0
     only = only_one(P, S, W) if fold < 0 and instant.at_clock == 0 else -1
     if only >= 0:
@@ -528,6 +546,9 @@ def at_instant(P, C, S, R, W):
             record_point(P, S, R)
         if stop != GO_ON and stop != Outcome.TERMINATED:
             return stop
+        if jumped and len(P.contact) > 0 and is_behind(P, C, S, W):
+            record_point(P, S, R)
+            return Outcome.BEHIND_CONTACT
     code = _settle(P, C, S, R, W, fold, only, struck)
     for _ in range(MOST_AT_ONCE):
         # What impacts and switches have done to the surfaces of events is looked at when they have come to an end.
@@ -541,13 +562,16 @@ def at_instant(P, C, S, R, W):
         jumped = jumped or instant.jumped != 0
         if stop != GO_ON and stop != Outcome.TERMINATED:
             return stop
+        if len(P.contact) > 0 and is_behind(P, C, S, W):
+            record_point(P, S, R)
+            return Outcome.BEHIND_CONTACT
         code = _settle(P, C, S, R, W, -1, -1, False)
     if code != GO_ON:
         return code
     if len(P.contact) > 0:
         stop_closed(P, S, W)
     if jumped:
-        _sides_of_events(P, S, W)
+        _sides_of_events(P, C, S, W)
     if S.events > events_before:
         record_point(P, S, R)
     if C.strict and S.ambiguities > 0:

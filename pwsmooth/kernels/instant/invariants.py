@@ -9,7 +9,7 @@ import os
 
 from ..machine.compiling import kernel
 from ..state import ALGEBRAIC, COMPONENT, CONTACT, HELD, SLIDING, SOLVED
-from ..surface.sliding import surface_size
+from ..surface.sliding import surface_size, surface_tolerance
 from ..surface.sparse import entry
 from .contacts import friction_on
 from .surface_rates import evaluate_surfaces
@@ -31,8 +31,7 @@ def broken_by(P, C, S, W):
         if P.kind[j] == ALGEBRAIC or (P.kind[j] == COMPONENT and S.status[j] != SOLVED):
             continue
         apart = 10.0 * max(C.rtol, 1e-9) * (surface_size(P, S, j, W) + (unknown if P.nested[j] else 0.0))
-        for e in range(P.dh_row[j], P.dh_row[j + 1]):
-            apart += 10.0 * abs(W.dh[e]) * C.atol[P.dh_col[e]]
+        apart += 10.0 * surface_tolerance(P, C, W, j)
         if S.status[j] == SOLVED or S.status[j] == HELD:
             holds = abs(W.h[j]) <= apart
             if P.kind[j] == CONTACT:

@@ -15,7 +15,7 @@ from ..machine.compiling import kernel
 from ..state import CONTACT, CROSSING, EV_STICK, EV_TANGENCY, HELD, KINK, SECOND_ORDER, SLIDING, SOLVED
 from ..step.finer import SWITCHING, follow_as_asked
 from ..step.recording import record_event
-from ..surface.sliding import follow, keep_on_surface, mask_solved
+from ..surface.sliding import follow, keep_on_surface, mask_solved, surface_tolerance
 from ..surface.sparse import entry
 from .surface_rates import approach_speed, evaluate_surfaces, order_of_leaving, stop_normal_speed
 
@@ -38,10 +38,7 @@ def _rest_with(P, C, S, W, j):
         if k != j and (not continuous or abs(S.status[k]) != 1):
             continue
         evaluate_surfaces(P, S, W)
-        tolerance = 0.0
-        for e in range(P.dh_row[k], P.dh_row[k + 1]):
-            tolerance += abs(W.dh[e]) * C.atol[P.dh_col[e]]
-        if k == j or abs(W.h[k]) <= tolerance:
+        if k == j or abs(W.h[k]) <= surface_tolerance(P, C, W, k):
             S.status[k] = SOLVED if P.kind[k] == SECOND_ORDER else HELD
             S.mult[k] = 0.0
 

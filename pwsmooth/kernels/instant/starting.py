@@ -20,8 +20,8 @@ from ..state import (
 from ..step.meeting import is_clocked
 from ..step.recording import record_ambiguity, record_point
 from ..surface.sliding import INSIDE, is_at_rest, mask_instant, surface_rounding
-from ..surface.unknowns import solve_unknowns
-from .contacts import UNCHANGED, close_at_start, outcome_of
+from ..surface.unknowns import has_other_root, solve_unknowns
+from .contacts import UNCHANGED, close_at_start, is_behind, outcome_of
 from .discs import settle_discs
 from .resting import stay_at_rest
 from .settling import settle_at_rest
@@ -91,8 +91,11 @@ def start(P, C, S, R, W):
     for j in range(m):
         if P.kind[j] == DISC and is_at_rest(P, S, j, W):
             mult[j] = INSIDE
-    if mask_instant(P, S, W) and not solve_unknowns(P, S, W):
-        return Outcome.NO_ROOT
+    other_root = False
+    if mask_instant(P, S, W):
+        if not solve_unknowns(P, S, W):
+            return Outcome.NO_ROOT
+        other_root = has_other_root(P, S, W)
     evaluate_surfaces(P, S, W)
     for i in range(m + P.ne):
         instant.hit[i] = abs(W.h[i]) <= surface_rounding(P, S, i, W) and P.rows_slip[i] >= 0
@@ -103,6 +106,9 @@ def start(P, C, S, R, W):
     for i in range(P.ne):
         S.side[i] = 1 if W.h[m + i] >= 0.0 else -1
     if len(P.contact) > 0:
+        if is_behind(P, C, S, W):
+            record_point(P, S, R)
+            return Outcome.BEHIND_CONTACT
         contacts = close_at_start(P, S, R, W)
         if contacts < UNCHANGED:
             return outcome_of(contacts)
@@ -153,6 +159,9 @@ def start(P, C, S, R, W):
                 S.side[i - m] = 1 if order > 0 else -1
     record_point(P, S, R)
     for j in range(m):
+        if P.kind[j] == ALGEBRAIC and other_root:
+            record_ambiguity(S, R, j, AMB_SEVERAL_ROOTS, 0)
+            other_root = False
         if P.slip_share[j] > 0.0 and status[j] == SOLVED and abs(mult[j]) > P.slip_share[j]:
             record_ambiguity(S, R, j, AMB_SEVERAL_ROOTS, 0)  # slip would hold too
     if code == GO_ON and C.strict and S.ambiguities > 0:

@@ -158,7 +158,20 @@ def look_back(P, S, W):
 
 @kernel
 def _order_of_speed(P, S, W, j):
-    """As `order_of_leaving`, from the speed of surface j now and a moment later: 1 or 2, or 0 where it has none."""
+    """As `order_of_leaving`, from the speed of surface j now and a moment later: 1 or 2, or 0 where it has none.
+
+    With an unknown in it the surface has no gradient that tells its speed: it is looked at a moment later.
+    """
+    if P.nested[j] != 0:
+        evaluate_surfaces(P, S, W)
+        before, rounding = W.h[j], surface_rounding(P, S, j, W)
+        look_ahead(P, S, W)
+        mask_solved(P, S, W)
+        follow(P, S, W)
+        evaluate_surfaces(P, S, W)
+        gain = W.h[j] - before
+        look_back(P, S, W)
+        return 0 if abs(gain) <= rounding else 1 if gain > 0.0 else -1
     speed = approach_speed(P, S, j, W)
     if abs(speed) > W.instant.rest_speed:
         return 1 if speed > 0.0 else -1

@@ -22,6 +22,7 @@ _FAST = 0.005  # of the friction: the deceleration of a slip that is closed earl
 _BLURRED = 1e-10  # of what a surface is made of that is no state: its roundings are 1e-5 of such a |h|
 _FAR = 8.0  # by how much later than the last slope of |h| tells it may come to rest
 _STIFF = 4.0  # of |h| over the friction, to what explicit steps are stable
+_LOST = 10.0  # tolerances of h: a slip that has never been more is given up after many stiff steps
 _SEEN = 5  # such steps in a row
 WORTH, PATIENCE = 20.0, 50  # explicit steps: what a collocation step costs, and until it is tried again
 _LEAST_LEFT, _MOST_LEFT = 1e-3, 0.1  # of the time to rest, by a step towards it
@@ -168,6 +169,11 @@ def come_to_rest_in_disc(P, C, S, R, W, h):
         blurred = square <= W.meeting.blurred[j] ** 2 and square < W.meeting.widest[j]
         if blurred or square <= ticks * ticks * first:
             # Nearer than h or the clock tells, on its way to rest or past it.
+            _come_from(P, S, R, W, j)
+            return h, j
+        lost = W.onset.stiff > PATIENCE and W.meeting.widest[j] <= (_LOST * tolerance) ** 2
+        if lost and h * pull_of(P, W, j) > _STIFF * math.sqrt(square):
+            # A force that is the friction to rounding makes a slip of no size, which no step follows: it begins anew.
             _come_from(P, S, R, W, j)
             return h, j
         if not slope < 0.0:

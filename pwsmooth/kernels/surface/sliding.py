@@ -240,6 +240,15 @@ def surface_size(P, S, j, W):
 
 
 @kernel
+def surface_tolerance(P, C, W, j):
+    """What the absolute tolerances of the states leave of h_j, from W.dh."""
+    total = 0.0
+    for e in range(P.dh_row[j], P.dh_row[j + 1]):
+        total += abs(W.dh[e]) * C.atol[P.dh_col[e]]
+    return total
+
+
+@kernel
 def surface_rounding(P, S, j, W):
     """The size at which h_j is indistinguishable from 0, from W.dh."""
     return 1e-13 * surface_size(P, S, j, W)

@@ -4,6 +4,7 @@
 
 Newton's method on a function that bends (Qi & Sun 1993, semismooth): each step takes the branches in force where it
 stands, and is halved where the residual grows. A switch that is turned to and fro jumps there: its surface is the root.
+Where it finds none, every choice of the sides is tried. Of a root the sides are those of its own surfaces.
 """
 
 import math
@@ -11,10 +12,14 @@ import math
 from ..machine.compiling import kernel
 from ..machine.pointers import call_fields, call_linear, call_newton
 from ..state import CONTACT, HELD, SLIDING, SOLVED
+from .sliding import surface_size
 from .sparse import solve_masked
 
 _SWEEPS, _HALVINGS = 60, 30
 _TURNS = 4  # of a switch to and fro, before its surface is taken for the root
+_WRONG_SIDE = 1e-9  # of the size of a surface: so far on the other side it is not on the one in force
+_MOST_SIDES = 8  # switches whose sides are tried: 256 choices
+_APART = 1e-9  # of a multiplier: two roots
 _OFF = 1e-3  # from where a slope is infinite
 
 
@@ -38,6 +43,49 @@ def _defect(P, S, W, turned):
         if W.mask[j]:
             worst = max(worst, abs(W.g[j])) if W.g[j] == W.g[j] else math.inf
     return worst
+
+
+@kernel
+def _turns(P, S, j):
+    """Whether switch j takes its side from multipliers that are solved for."""
+    return P.nested[j] != 0 and P.kind[j] < CONTACT and S.status[j] != SOLVED and S.status[j] != HELD
+
+
+@kernel
+def _holds(P, S, W):
+    """Solves for the masked multipliers with the sides in force; whether a root stands on these sides."""
+    if call_newton(P.newton_unit, P, S, W) == 0:
+        return False
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    for j in range(P.m):
+        if not _turns(P, S, j):
+            continue
+        size = surface_size(P, S, j, W)
+        for e in range(P.g_row[j], P.g_row[j + 1]):
+            size += abs(W.G[e] * S.mult[P.g_col[e]])
+        if S.status[j] * W.h[j] < -_WRONG_SIDE * size:
+            return False
+    return True
+
+
+@kernel
+def _next_root(P, S, W, choice):
+    """From this choice of sides on, the first at which a root stands, which S then holds; -1 for none."""
+    count = 0
+    for j in range(P.m):
+        count += _turns(P, S, j)
+    while count <= _MOST_SIDES and choice < 1 << count:
+        bit = 0
+        for j in range(P.m):
+            if _turns(P, S, j):
+                S.status[j] = 1 if choice >> bit & 1 else -1
+                S.mult[j] = float(S.status[j])
+                bit += 1
+        if _holds(P, S, W):
+            return choice
+        choice += 1
+    return -1
 
 
 @kernel
@@ -79,4 +127,22 @@ def solve_unknowns(P, S, W):
             if W.instant.came[j] >= _TURNS and P.kind[j] == SLIDING:
                 S.status[j], W.mask[j] = SOLVED, 1
                 defect = math.inf
-    return call_newton(P.newton_unit, P, S, W) != 0
+    if _holds(P, S, W):
+        return True
+    return _next_root(P, S, W, 0) >= 0
+
+
+@kernel
+def has_other_root(P, S, W):
+    """Whether the masked multipliers have another root than S.mult, on other sides."""
+    mult, status = W.instant.mult, W.instant.came
+    for j in range(P.m):
+        mult[j], status[j] = S.mult[j], S.status[j]
+    choice, other = _next_root(P, S, W, 0), False
+    while choice >= 0 and not other:
+        for j in range(P.m):
+            other = other or (W.mask[j] != 0 and abs(S.mult[j] - mult[j]) > _APART * (1.0 + abs(mult[j])))
+        choice = _next_root(P, S, W, choice + 1)
+    for j in range(P.m):
+        S.mult[j], S.status[j] = mult[j], status[j]
+    return other

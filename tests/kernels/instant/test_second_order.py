@@ -125,6 +125,33 @@ def test_crossings_that_multiply_below_the_tolerance_are_passed_and_said():
     assert solve(system, (0, 100), [0.3, 0.2], atol=1e-9, strict=True).outcome.name == "AMBIGUITY"
 
 
+@pytest.mark.parametrize("heads", [1e-3, 1e3, 1e6])
+def test_chattering_is_passed_in_any_unit_of_the_states(heads):
+    """An epidemic with a rule for its infected: heads in the place of shares are the same motion, event by event."""
+    susceptible, exposed, infected, N = sp.symbols("S E I N", real=True)
+    rate = sp.Piecewise((a, infected > N / 100), (b, True)) * susceptible * infected / N
+    rates = {susceptible: -rate, exposed: rate - exposed / 5, infected: exposed / 5 - infected / 10}
+    epidemic = System(rates, parameters={N: 1, a: 0.1, b: 0.5})
+    one, many = (
+        solve(
+            epidemic,
+            (0, 300),
+            [0.999 * n, 0.001 * n, 0],
+            parameters={N: n},
+            atol=1e-12 * min(n, 1),
+            max_steps=200_000,
+        )
+        for n in (1, heads)
+    )
+    assert (
+        one.success
+        and many.success
+        and [found.kind for found in many.ambiguities] == ["chattering within atol"]
+    )
+    assert len(many.events) == pytest.approx(len(one.events), rel=1e-3)
+    assert many.x[:, -1] / heads == pytest.approx(one.x[:, -1], rel=1e-7)
+
+
 def test_a_term_nonlinear_in_the_relay_has_no_mean_to_go_on_with():
     # lambda**2 is 1 at every instant of the chattering, but not for a lambda between. Said, not guessed.
     lam = Switch("lam", x)

@@ -20,6 +20,17 @@ METHODS = pytest.mark.parametrize("method", ["auto", "rk"])
 
 
 @METHODS
+def test_an_event_on_an_unknown_is_left_as_the_unknown_goes(method):
+    # 2a + x/2 falls, as a does with a + a**3/4 = 1 - x, though x = t alone would raise it. It is 1 at x = 2 - 4a.
+    bell = Event(2 * a + x / 2 - 1, direction=-1, update={n: n + 1}, name="bell")
+    unknown = Algebraic(a, a + a**3 / 4 - 1 + x)
+    run = solve(System({x: 1}, events=[bell], algebraic=[unknown]), (0, 2), {x: 0}, method=method)
+    root = np.roots([1 / 4, 0, -3, 1])[-1]
+    assert run.success and run["n"][-1] == 1
+    np.testing.assert_allclose(run.event_times(switch="bell"), [2 - 4 * root], atol=1e-9)
+
+
+@METHODS
 def test_a_jump_of_a_surface_against_the_direction_fires_nothing_and_the_next_zero_does(method):
     # Mod(t, 10) - 3 rises through 0 at 3, 13, ... and falls by its jumps at 10, 20, ...
     bell = Event(sp.Mod(t, 10) - 3, direction=1, update={x: x + 1}, name="bell")

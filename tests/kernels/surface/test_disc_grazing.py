@@ -86,3 +86,34 @@ def test_a_strict_run_stops_at_a_touch():
     run = solve(belt_in_the_plane(), (0, end), start, parameters=parameters, strict=True, **EXACT)
     assert run.outcome.name == "AMBIGUITY" and run.ambiguities[0].kind == "grazing" and run.t[-1] < end
     assert run.ambiguities[0].taken == "touch and slip on"
+
+
+def test_a_force_that_leaves_the_circle_by_a_hair_is_a_touch():
+    """The largest force of a stick exceeds the friction by 1e-10: a slip of some 1e-13, as stiff as it is slow.
+
+    Beside it, where the force stays inside of the circle, the orbit is periodic: both go the same way.
+    """
+    t, Q = sp.symbols("t Q", real=True)
+    lam, w, size = Disc("lam", (u, v)), sp.Rational(1, 4), sp.Rational(8, 5)
+    plane = System(
+        {
+            x: u,
+            y: v,
+            u: size * sp.cos(w * t) - x - lam[0],
+            v: Q * size * sp.sin(w * t) - y - lam[1],
+        },
+        time=t, parameters={Q: 0.3},
+    )  # fmt: skip
+    period = 8 * np.pi
+    start = [-0.5154931369457177, 0.3734178547260542, -0.28888748182005713, 0.033737515058355316]
+    run = solve(
+        plane,
+        (0.4 * period, 1.4 * period),
+        start,
+        parameters={Q: 0.4076342528745663},
+        max_steps=20_000,
+        **EXACT,
+    )
+    assert run.success and run.cost["steps"] < 2000
+    assert np.abs(run.x[:, -1] - start).max() < 1e-7  # an orbit at its touch, known to nine digits
+    assert any(found.kind == "grazing" for found in run.ambiguities)

@@ -1,8 +1,8 @@
-"""A run that ended because its motion, or a rate of it, goes to infinity in finite time: what went, in words.
+"""Runs that ended because something goes to infinity in finite time, or began behind a stop: what did, in words.
 
     |dx/dt| ulp(t) >> |x|:  over some spacings of numbers at this time a state would change by its own size
 
-Chain: records (Outcome) -> **blow_up** -> Solution.message.
+Chain: records (Outcome) -> **failures** -> Solution.message.
 """
 
 from __future__ import annotations
@@ -54,11 +54,27 @@ def blow_up_in_words(solution: Any) -> str:
     )
 
 
+def gaps_in_words(solution: Any) -> str:
+    """Which gaps are negative at the last instant."""
+    model = solution.model
+    if model.families is not None:
+        return ""
+    contacts = [mu for mu in model.multipliers if mu.kind == "contact"]
+    gaps = _values(solution, -1, [mu.surface for mu in contacts])
+    return ", ".join(
+        f"the gap {mu.surface} of {mu.symbol} is {g:.6g}" for mu, g in zip(contacts, gaps) if g < 0
+    )
+
+
 def _rates(solution: Any, column: int) -> np.ndarray:
+    return _values(solution, column, solution.model.rhs)
+
+
+def _values(solution: Any, column: int, expressions: Any) -> np.ndarray:
     model = solution.model
     values = [solution.parameters[str(p)] for p in model.parameters]
     with np.errstate(all="ignore"):
-        found = vectorised(model, sp.Tuple(*model.rhs))(
+        found = vectorised(model, sp.Tuple(*expressions))(
             solution.t[column], *solution.x[:, column], *solution.mult[:, column], *values
         )
     return np.array([float(np.ravel(part)[0]) for part in found])
