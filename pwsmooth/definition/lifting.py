@@ -50,10 +50,11 @@ class Lifting:
 
     `dynamic` symbols make a surface move: time, states, unknowns and reactions. Memories and parameters do not, so that
     conditions on them stay `Piecewise`. `user_switches` come first: their names win over those of lifted functions.
-    `stand_ins` says what stands for symbols that are expressions, as those of drives.
+    `stand_ins` says what stands for symbols that are expressions, as those of drives. Two switches of a user's on one
+    surface are one, unless the field is nonlinear in one (`bent`), as laws of static friction are.
     """
 
-    def __init__(self, dynamic, user_switches=(), stand_ins=None):
+    def __init__(self, dynamic, user_switches=(), stand_ins=None, bent=()):
         self.dynamic = frozenset(dynamic)
         self.switches: dict[sp.Symbol, sp.Expr] = {}  # multiplier -> lifted surface, the inner ones first
         self.notation: dict[sp.Symbol, Switch] = {}  # multiplier -> its switch as the user would write it
@@ -72,6 +73,7 @@ class Lifting:
             sp.Symbol, int
         ] = {}  # multiplier -> its value where its surface stays at 0, as conditions say
         self._given: set[sp.Symbol] = set()
+        self._bent: set[sp.Symbol] = set(bent)  # such switches, and the multipliers that stand for them
         for switch in user_switches:
             self._given |= self._symbol(switch).free_symbols
 
@@ -162,8 +164,11 @@ class Lifting:
                 "it is constant between events. Use a Piecewise on the parameter or Memory instead."
             )
         found = self._find(surface)
-        if found is None:
-            return self._register(surface, switch)
+        apart = found is not None and self._bent & {switch, found[1]}
+        if found is None or apart:
+            found = 1, self._register(surface, switch)
+        if switch in self._bent:
+            self._bent.add(found[1])
         return found[0] * found[1]
 
     def take_directions(self, equations):
@@ -573,7 +578,7 @@ class Lifting:
                 f"{switch.surface}; give each its own name."
             )
         self.switches[lam], self.notation[lam] = h, switch
-        self._by_surface[h] = (1, lam)
+        self._by_surface.setdefault(h, (1, lam))
         key = fingerprint(h, h.free_symbols - self.dynamic - self.switches.keys())
         if key is not None:
             self._by_fingerprint.setdefault(key, []).append(lam)

@@ -99,7 +99,9 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled,
 
     moving |= {time, *states, *unknowns, *map(plain, reactions), *pieces, *controls}
     stand_ins = {u: value for u, (value, *_) in (*pieces.items(), *controls.items())}
-    lift = Lifting(moving, [s for s in symbols if isinstance(s, Switch)], stand_ins)
+    given = [s for s in symbols if isinstance(s, Switch)]
+    bent = [s for s in given if any(e.diff(s, 2) != 0 for _, e in pairs)]
+    lift = Lifting(moving, given, stand_ins, bent)
     inside = dict(zip(unknowns, (item.residual for item in algebraic), strict=True))
     said = [(e, *(inside[s] for s in e.free_symbols if s in inside)) for _, e in pairs]
     lift.take_directions([(x, sp.Tuple(*es)) for x, es in zip(states, said, strict=True)])

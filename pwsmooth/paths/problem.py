@@ -305,7 +305,7 @@ class CompiledProblem:
         """How many multipliers may have surfaces that depend on each other."""
         fixed, kind = self.fixed, self.kind
         beside = np.diff(fixed["link_row"]) > 0
-        switches = int(np.sum((kind == state.SLIDING) & beside & (fixed["hidden"] == 0)))
+        switches = int(np.sum((kind == state.SLIDING) & beside))
         return int(np.sum(kind == state.COMPONENT)) + (min(switches, MOST) if switches > 1 else 0)
 
     def _struck(self) -> int:

@@ -449,6 +449,16 @@ def _close_gaps(P, S, W, size):
 
 
 @kernel
+def closed_move(P, S, W):
+    """Whether the gap of a closed contact has a rate beyond rounding."""
+    for c in range(len(P.contact)):
+        j = P.contact[c]
+        if S.status[j] == SOLVED and abs(approach_speed(P, S, j, W)) > W.instant.rest_speed:
+            return True
+    return False
+
+
+@kernel
 def stop_closed(P, S, W):
     """Puts every closed contact exactly on its gap's zero, and takes from the state what is left of the gaps' rates."""
     contacts = W.contacts

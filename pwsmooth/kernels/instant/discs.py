@@ -28,14 +28,13 @@ from ..state import (
     SOLVED,
 )
 from ..step.recording import record_ambiguity, record_event
-from ..surface.dependent import put_at_rest
 from ..surface.layer import ARRIVE
-from ..surface.sliding import INSIDE, keep_at_rest, mask_solved, surface_tolerance
+from ..surface.sliding import INSIDE, keep_at_rest, mask_solved, put_in_slip, surface_tolerance
 from ..surface.sparse import link
 from ..surface.vector import begins, own_slopes, push_of_disc, pushes_back, slopes_of_disc, turn
 from .settling import layer_code, settle_arrivals, settle_at_rest
 from .surface_rates import look_ahead, look_back
-from .together import depend, settle_dependent
+from .together import depend, settle_dependent, stand_still
 
 ALONE, AT_REST, ARRIVING = range(3)  # how discs are settled: without switches, or with those at their surfaces
 _SWEEPS, _ALIKE = 200, 1e-10  # of discs that meet at an instant, and the change of lambda that ends them
@@ -91,10 +90,17 @@ def _rest_without_force(P, S, j, mult):
 
 
 @kernel
+def _rest_ahead(P, S, W, j):
+    """As look_ahead, with disc j at rest there: what only its slip would bring is no friction that holds it."""
+    look_ahead(P, S, W)
+    put_in_slip(P, S, j, 0.0, S.mult, W)
+
+
+@kernel
 def _has_no_strength(P, S, W, j):
     """Whether the lambda of disc j does not act now, or only begins to."""
     now = slopes_of_disc(P, S, W, j)
-    look_ahead(P, S, W)
+    _rest_ahead(P, S, W, j)
     later = slopes_of_disc(P, S, W, j)
     look_back(P, S, W)
     return now <= _FAINT * later
@@ -191,6 +197,8 @@ def settle_disc(P, S, R, W, j, arrives):
         W.instant.mult[k] = S.mult[k]
     hold(P, S, j)
     keep_at_rest(P, S, W)
+    if len(P.contact) > 0:
+        stand_still(P, S, W)
     for k in range(j + 1, j + 1 + P.dim[j]):
         W.together.move[k] = 0.0
     if depend(P, S, W, j, False):
@@ -202,8 +210,12 @@ def settle_disc(P, S, R, W, j, arrives):
     if push_of_disc(P, S, W, j) > _MOVED:  # as where lambda stands beside |h| alone
         _settle_without_force(P, S, W, j)
         return GO_ON
-    look_ahead(P, S, W)
-    code = _settle_one(P, S, R, W, j, False)
+    code = GO_ON
+    _rest_ahead(P, S, W, j)
+    if slopes_of_disc(P, S, W, j) <= _FAINT * push_of_disc(P, S, W, j):
+        _settle_without_force(P, S, W, j)
+    else:
+        code = _settle_one(P, S, R, W, j, False)
     for k in range(j, j + 1 + P.dim[j]):
         W.moment[P.n + k] = S.mult[k]
     look_back(P, S, W)
@@ -218,9 +230,6 @@ def _settle_one(P, S, R, W, j, arrives):
     d, may_touch = P.dim[j], arrives and W.meeting.blurred[j] > 0.0
     slope = slopes_of_disc(P, S, W, j)
     push = push_of_disc(P, S, W, j)
-    if slope == 0.0:
-        _settle_without_force(P, S, W, j)
-        return GO_ON
     strict = pushes_back(P, W, j)
     if P.hidden[j + 1] == 0 and strict:
         mask_solved(P, S, W)
@@ -381,7 +390,7 @@ def _arrive_together(P, C, S, W):
     for j in range(P.m):
         if P.kind[j] == DISC and W.instant.hit[j] and S.status[j] == 1 and _hold_those_at_rest(P, C, S, W, j):
             hold(P, S, j)
-            put_at_rest(P, S, W)
+            stand_still(P, S, W)
             _hold_those_at_rest(P, C, S, W, j)  # two points at rest leave no other moving
 
 
@@ -450,7 +459,7 @@ def release_discs(P, S, R, W):
             continue
         acts = _acts(P, S, W, j)
         if not acts:
-            look_ahead(P, S, W)
+            _rest_ahead(P, S, W, j)
             acts = _acts(P, S, W, j)
             look_back(P, S, W)
         push_of_disc(P, S, W, j)
@@ -483,10 +492,23 @@ def _shares_anew(P, S, W, j):
 
 
 @kernel
+def _is_pushed_back(P, S, W, j):
+    """Whether the slip that disc j begins is pushed back, as by what a contact does that has opened since."""
+    along = _SAME * slopes_of_disc(P, S, W, j)
+    push_of_disc(P, S, W, j)
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        along += S.mult[k] * W.g[k]
+    return along < 0.0
+
+
+@kernel
 def resettle_discs(P, C, S, R, W, switches):
     """Sticking discs whose force has jumped, together with those at rest beside them, and with the `switches` that come
     to their surfaces: a code."""
     for j in range(P.m):
+        if P.kind[j] == DISC and len(P.contact) > 0 and begins(P, S, j) and _is_pushed_back(P, S, W, j):
+            code = settle_disc(P, S, R, W, j, False)
+            return _settle_with_others(P, C, S, R, W, switches) if code == GO_ON else code
         if P.kind[j] != DISC or S.status[j] != SOLVED:
             continue
         slope = slopes_of_disc(P, S, W, j)

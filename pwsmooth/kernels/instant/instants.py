@@ -88,7 +88,7 @@ from .holding import (
 from .other_motions import try_other_ratio
 from .plain import cross_stick_or_leave, only_one
 from .resting import come_to_rest, rests_on_kink, stay_at_rest
-from .settling import layer_code, resettle, settle_arrivals, settle_at_rest, settle_together
+from .settling import hand_over, layer_code, resettle, settle_arrivals, settle_at_rest, settle_together
 from .starting import start
 from .surface_rates import (
     any_kind,
@@ -285,6 +285,8 @@ def _settle_switches(P, C, S, R, W):
                     if some_second_order(P) and hold_instead(P, S, R, W, j):
                         continue
                     code = leave_loop(P, S, R, W, j)
+                    if code == NOTHING:
+                        code = hand_over(P, S, R, W, j, W.meeting.exit_side[j])
                     if code == GO_ON:
                         continue
                     if code != NOTHING:
@@ -375,6 +377,10 @@ def _leave_folds(P, S, R, W, fold):
 def _leave_fold(P, S, R, W, fold, way):
     """The switch or disc that stands at the fold of its root goes where its layer takes it from there; a code."""
     mult, status, at_fold = S.mult, S.status, S.mult[fold]
+    if P.disc_of[fold] < 0:
+        code = hand_over(P, S, R, W, fold, way)
+        if code != NOTHING:
+            return code
     S.layers += 1
     outcome = call_layer_unit(P.layer_unit, P, S, W, LEAVE_FOLD, fold, way, 0.0)
     code = layer_code(P, S, R, fold, outcome)

@@ -53,7 +53,8 @@ def try_other_ratio(P, S, R, W, size):
         P.weight[first] = weight * factor
         same = same and call_layer_unit(P.layer_unit, P, S, W, 0, size, 0, 0.0) == SETTLED
         for j in range(m):
-            same = same and S.status[j] == instant.status[j]
+            sticks = abs(S.status[j]) != 1 and abs(instant.status[j]) != 1  # one or the other is solved for
+            same = same and (sticks or S.status[j] == instant.status[j])
     P.weight[first] = weight
     _take_back(P, S, W)
     if not same:

@@ -6,11 +6,13 @@ from ..machine.compiling import kernel
 from ..machine.pointers import call_layer_unit, call_linear, call_newton, call_others
 from ..outcome import Outcome
 from ..state import (
+    AMB_FORCES,
     AMB_HIDDEN_OSCILLATION,
     AMB_REPELLING,
     AMB_SEVERAL_ROOTS,
     COMPONENT,
     DISC,
+    EV_FOLD,
     EV_RESET,
     EV_TANGENCY,
     GO_ON,
@@ -25,7 +27,7 @@ from ..step.recording import record_ambiguity, record_event
 from ..surface.fast import LOST, OSCILLATES
 from ..surface.layer import ARRIVE, FIRST_ZERO
 from ..surface.sliding import follow, mask_instant, mask_solved
-from ..surface.sparse import link
+from ..surface.sparse import entry, link
 from ..surface.unknowns import solve_unknowns
 from .dry_friction import is_held, let_part, settle_friction, sliding_with
 from .holding import (
@@ -33,6 +35,7 @@ from .holding import (
     hold_beside,
     hold_second_order,
     hold_supported,
+    is_supported,
     rest_with_friction,
     some_second_order,
     take_side,
@@ -41,6 +44,9 @@ from .holding import (
 from .surface_rates import any_is, evaluate_surfaces, look_ahead, look_back, order_of_leaving, residual
 
 _SAME = 1e-9  # of lambda: by less a slide is at its bound
+_NUDGE = 1e-3  # of lambda, to see what room a hidden term has
+# Of lambda: so near to its fold a hidden term is held, which takes some 1e-10 of its force; the pair knows it less.
+_INSIDE, _INSIDE_OF_PAIR = 1e-5, 1e-4
 _FAINT = 1e-3  # of a strength a moment later: what is as small begins to grow only now
 
 
@@ -58,7 +64,12 @@ def settle_arrivals(P, S, R, W, size):
     """Runs the layer of W.instant.group[:size], come from W.instant.arrival; returns the loop's code."""
     S.layers += 1
     j = W.instant.group[0]
-    return layer_code(P, S, R, j, call_layer_unit(P.layer_unit, P, S, W, ARRIVE, size, 0, 0.0))
+    code = layer_code(P, S, R, j, call_layer_unit(P.layer_unit, P, S, W, ARRIVE, size, 0, 0.0))
+    for a in range(size):  # those that rest stand first
+        if code == GO_ON and S.status[W.instant.group[a]] == HELD:
+            record_ambiguity(S, R, j, AMB_FORCES, 0)
+            break
+    return code
 
 
 @kernel
@@ -98,7 +109,10 @@ def settle_together(P, S, R, W, size, joint):
     if code != NOTHING:
         return code
     code = settle_arrivals(P, S, R, W, joint)
-    if code == GO_ON:
+    unique = True
+    for a in range(joint):
+        unique = unique and S.status[W.instant.active[a]] != HELD
+    if code == GO_ON and unique:
         call_others(P.others_unit, P, S, R, W, size, joint)
     return code
 
@@ -142,8 +156,11 @@ def _settle_without_strength(P, C, S, R, W, j):
     strength has grown, or it is carried away; a code."""
     parts = W.instant.parting > 0 and W.instant.drift[j] != 0.0
     look_ahead(P, S, W)
-    W.instant.active[0] = j
-    code = _one_at_rest(P, S, R, W, j) if parts or hold_supported(P, S, W, 1) > 0 else GO_ON
+    code = GO_ON
+    if not parts and is_supported(P, S, W, j):
+        S.status[j] = HELD
+    else:
+        code = _one_at_rest(P, S, R, W, j)
     lam = S.mult[j]
     look_back(P, S, W)
     S.mult[j] = lam
@@ -175,6 +192,8 @@ def settle_at_rest(P, C, S, R, W, size):
         else:
             instant.active[strong] = j
             strong += 1
+    for a in range(count):
+        instant.active[strong + a] = instant.weak[a]
     code = _settle_strong(P, S, R, W, hold_supported(P, S, W, strong))
     for a in range(count):
         one = _settle_without_strength(P, C, S, R, W, instant.weak[a])
@@ -207,6 +226,55 @@ def _settle_strong(P, S, R, W, size):
             one = _one_at_rest(P, S, R, W, instant.active[a])
             code = code if one == GO_ON else one
     return code
+
+
+@kernel
+def _has_room(P, S, W, j, k, side):
+    """By how much the lambda of switch k may change in the way that keeps switch j from leaving to `side`; of one with
+    a hidden term 1 if a small change helps, else 0. W.G has the slopes, which are lost."""
+    way = side if entry(P.g_row, P.g_col, W.G, j, k) <= 0.0 else -side
+    if P.hidden[k] == 0:
+        return 1.0 - way * S.mult[k]
+    now, keep, room = residual(P, S, W, j, S.mult[j]), S.mult[k], 0.0
+    for way in range(-1, 2, 2):
+        S.mult[k] = keep + way * _NUDGE
+        if abs(S.mult[k]) <= 1.0 and side * (residual(P, S, W, j, S.mult[j]) - now) < 0.0:
+            room = 1.0
+    S.mult[k] = keep
+    return room
+
+
+@kernel
+def hand_over(P, S, R, W, j, side):
+    """Switch j, which sticks together with others that are HELD, can hold no more on the way to `side`: the one with
+    the most room is solved for in its place. A code, NOTHING if none has any; then those at their bounds leave as j."""
+    best, room, inside = -1, _SAME, _INSIDE_OF_PAIR if P.pair != 0 else _INSIDE
+    if not any_is(P, S, HELD):
+        return NOTHING
+    link(P, S, W, j)
+    evaluate_surfaces(P, S, W)
+    S.status[j] = HELD
+    for k in range(P.m):
+        linked = k != j and P.kind[k] == SLIDING and W.linear.linked[k] != 0
+        W.instant.weak[k] = int(linked and S.status[k] == HELD and not is_held(P, S, W, k))
+    S.status[j] = SOLVED
+    for k in range(P.m):
+        if W.instant.weak[k]:
+            evaluate_surfaces(P, S, W)
+            more = _has_room(P, S, W, j, k, side)
+            if more > room:
+                best, room = k, more
+    if best >= 0:
+        S.status[j], S.status[best] = HELD, SOLVED
+        S.mult[j] = float(side) if abs(S.mult[j]) >= 1.0 - _SAME else S.mult[j] - side * inside
+        mask_solved(P, S, W)
+        return GO_ON if call_newton(P.newton_unit, P, S, W) != 0 else Outcome.NO_ROOT
+    for k in range(P.m):
+        if W.instant.weak[k]:
+            S.status[k] = 1 if S.mult[k] > 0.0 else -1
+            S.mult[k], S.deflate[k] = float(S.status[k]), 1 if P.hidden[k] else 2
+            record_event(S, R, k, EV_FOLD if P.hidden[k] else EV_TANGENCY, 0, S.status[k])
+    return NOTHING
 
 
 @kernel
@@ -277,6 +345,20 @@ def close_contact(P, S, j, W):
 
 
 @kernel
+def _with_those_held(P, S, W, size):
+    """Appends to W.instant.group[:size] the switches that are HELD with these, and not by something else."""
+    joint = size
+    link(P, S, W, W.instant.group[0])
+    for k in range(P.m):
+        W.instant.weak[k] = int(S.status[k] == HELD and P.kind[k] == SLIDING and W.linear.linked[k] != 0)
+    for k in range(P.m):
+        if W.instant.weak[k] and not is_supported(P, S, W, k):
+            W.instant.group[joint] = k
+            joint += 1
+    return joint
+
+
+@kernel
 def resettle(P, C, S, R, W):
     """Sliding switches whose residual has jumped follow the layer flow from where they are, coupled ones together.
 
@@ -319,6 +401,7 @@ def resettle(P, C, S, R, W):
             continue
         if code != NOTHING:
             return code
+        size = _with_those_held(P, S, W, size)
         if size > 1:
             for a in range(size):
                 instant.arrival[a] = 0

@@ -17,10 +17,11 @@ from ..step.recording import record_ambiguity
 from ..surface.dependent import gather, holds, independent, put_at_rest, slopes_of_group
 from ..surface.sharing import FULL, largest_lambda, least_load, slip_or_stick, square_of_ball
 from ..surface.sliding import INSIDE, mask_solved
+from .contacts import closed_move, stop_closed
 
 _ALIKE = 1e-12  # of G
 _TURNS = 1e-5  # of the balls: a point with more left is one about which the body turns
-_NEWTON = 20
+_NEWTON, _PROJECTIONS = 20, 20
 
 
 @kernel
@@ -36,6 +37,19 @@ def depend(P, S, W, j, alone):
     slopes_of_group(P, S, W, q)
     W.together.size = q
     return independent(W, q) < q
+
+
+@kernel
+def stand_still(P, S, W):
+    """Puts S.x where h = 0 for all discs that stand, and the gaps of closed contacts keep: by turns, as each moves the
+    others, ever less."""
+    put_at_rest(P, S, W)
+    for _ in range(_PROJECTIONS):
+        if not closed_move(P, S, W):
+            return
+        stop_closed(P, S, W)
+        put_at_rest(P, S, W)
+    stop_closed(P, S, W)
 
 
 @kernel
@@ -92,7 +106,7 @@ def settle_dependent(P, S, R, W, leaves):
     """The group of discs in W.together is at h = 0: it rests, or moves on; a code. It `leaves` as _find_shares says."""
     group = W.together
     q = group.size
-    put_at_rest(P, S, W)
+    stand_still(P, S, W)
     load, moves = _find_shares(P, S, W, leaves)
     if not load < math.inf:
         return Outcome.NO_ROOT

@@ -11,7 +11,8 @@ import numpy as np
 
 from ..machine.compiling import kernel
 from ..machine.pointers import call_fields, call_layer, call_newton
-from ..state import COMPONENT, SOLVED
+from ..state import COMPONENT, HELD, SOLVED
+from .dependent import PARTS, independent, slopes_of_group
 from .sliding import mask_instant, mask_solved
 from .vector import turn
 
@@ -20,6 +21,7 @@ _SURE_STEP = 0.02  # of the relaxation of a layered state, in its own time const
 _FARTHEST = 1e150  # of u, whose square is finite
 _FAR = 20.0  # from there on lambda is within 2e-3 of its bound, and moves ever more slowly
 _BOUND = 1e-12  # of lambda: a root farther out is none
+_AT_BOUND = 1.0 - 1e-9  # of lambda: what has come to its bound has no room left
 # Of lambda on its circle: a change for slopes, sweeps of Newton's method, and the change that ends them.
 _NUDGE, _TURNS, _ALIKE = 1e-6, 20, 1e-9
 _MANY = 1000  # steps without rest, after which it is looked at what slow motion there is
@@ -156,6 +158,39 @@ def _rates(P, S, W, size, y, out, stage):
 
 
 @kernel
+def _hold_redundant(P, S, W, size):
+    """Where switches of the group determine the surfaces of others, as two feet of one body do, these are HELD with the
+    lambda that they have come to, at their bounds before inside; whether there are any."""
+    group, own = W.together, 0.0
+    if size < 2 or size > len(group.comp):
+        return False
+    for i in range(size):
+        if P.kind[W.instant.group[i]] == COMPONENT:
+            return False
+    for j in range(P.m):
+        W.linear.start[j] = S.mult[j]
+    for i in range(size):
+        j = W.instant.group[i]
+        group.comp[i], group.late[i] = j, int(abs(S.mult[j]) > _AT_BOUND)
+    slopes_of_group(P, S, W, size)
+    rank, holds = independent(W, size), False
+    for i in range(size):
+        own = max(own, abs(group.J[i, i]))
+    for i in range(rank, size):
+        S.status[group.comp[group.order[i]]] = HELD
+    mask_solved(P, S, W)
+    if rank < size:
+        holds = call_newton(P.newton_unit, P, S, W) != 0
+        for i in range(rank, size):
+            holds = holds and abs(W.g[group.comp[group.order[i]]]) <= PARTS * own
+    for i in range(size if not holds else 0):
+        S.status[group.comp[i]] = SOLVED
+    for j in range(P.m if not holds else 0):
+        S.mult[j] = W.linear.start[j]
+    return holds
+
+
+@kernel
 def _rest_is_near(P, S, W, size):
     """Solves for the rest state beside a layer run that has become slow; False (S as before) if it is elsewhere."""
     instant = W.instant
@@ -163,8 +198,9 @@ def _rest_is_near(P, S, W, size):
         W.layer.status[i] = S.status[instant.group[i]]
         W.layer.mult[i] = S.mult[instant.group[i]]
         S.status[instant.group[i]] = SOLVED
+    near = _hold_redundant(P, S, W, size)
     mask_solved(P, S, W)
-    near = call_newton(P.newton_unit, P, S, W) != 0
+    near = near or call_newton(P.newton_unit, P, S, W) != 0
     for i in range(size):
         j = instant.group[i]
         bounded = j if P.kind[j] != COMPONENT else P.disc_of[j]  # of a disc lambda . lambda
