@@ -135,7 +135,8 @@ def _kink_met(P, C, S, row, power, j, met, W):
     """
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     tolerance = max(0.01 * C.rtol, 1e-13) * surface_size(P, S, j, W)
-    if abs(row[0]) > tolerance or W.step.length <= 2.0 * REACH * time_size(S):
+    leads_to_it = row[2] == 0.0 and W.step.length <= 2.0 * REACH * time_size(S)  # by reach_singular_surface
+    if abs(row[0]) > tolerance or leads_to_it:
         return met
     poly = W.roots.poly
     scaled(row, power, poly, C.order, 0, float(S.status[j]))
