@@ -200,7 +200,10 @@ class Graph(Nodes):
             return self.expression(e.affine())
         # Where an element has no neighbour nothing is selected: there a surface of a family is 1 more than its powers'.
         beyond = {s: 0 for s, place in self._place.items() if place.base is None and place.offset}
-        e, surface = Select(lam, a, b), self.model.multipliers[j].surface.xreplace(beyond)
+        e, surface = Select(lam, a, b), self.model.multipliers[j].surface
+        if surface is None:  # as on curves of bifurcations, which solve for it
+            return self.select(j, self.expression(a), self.expression(b), None)
+        surface = surface.xreplace(beyond)
         a, b = (self.expression(branch) for branch in e.clamped(surface))
         return self.select(j, a, b, self.expression(e.affine(surface)) if e.on(surface) != e.args[1:] else None)
 

@@ -55,7 +55,7 @@ from .surface_rates import approach_speed, evaluate_surfaces
 
 PRESSING = -1  # known zeros of the gap of a contact that rests and is pressed from now on
 UNTOLD = 1e-14  # of the time: instants that close are not told apart
-_MOST_IMPACTS, _SMALLEST_GAP = 20_000, 1e-100
+_MOST_IMPACTS, _MOST_OF_COLLAPSE, _SMALLEST_GAP = 20_000, 2_000, 1e-100
 _JUMPED = 1e3  # roundings of a gap: what it is below 0 by more has jumped
 _COLLAPSED = 1e-3  # of the time over which impacts have come ever sooner: so late their gaps are roundings
 _TURNS = 3  # of a projection: the gaps of bodies that turn are not linear
@@ -343,14 +343,17 @@ def collapses(P, S, W):
 
 
 @kernel
-def impact_to_the_end(P, S, R, W):
+def impact_to_the_end(P, S, R, W, endless):
     """Impacts that follow each other faster than the clock tells, as among bodies that fall on each other, until none
-    is left, or they come to rest (inelastic collapse). False if these, or those that touch, are too many.
+    is left, or they come to rest (inelastic collapse). False if these, or those that touch, are too many; then S is as
+    before, and they go on in time unless they are `endless` there.
 
     Forces do nothing meanwhile, so gaps count by their ratios: smaller and smaller ones stand for those of the motion.
     """
     contacts, size, fastest = W.contacts, 0, 0.0
-    gap, impacts = contacts.load, contacts.chosen
+    gap, impacts, unsure, told = contacts.load, contacts.chosen, S.ambiguities, S.events
+    for i in range(P.n):
+        W.instant.x[i] = S.x[i]
     for c in range(len(P.contact)):
         fastest = max(fastest, abs(approach_speed(P, S, P.contact[c], W)))
     for c in range(len(P.contact)):
@@ -362,7 +365,8 @@ def impact_to_the_end(P, S, R, W):
             contacts.touching[size], impacts[size] = j, 0
             gap[size] = 0.0 if met else max(W.h[j], 0.0)
             size += 1
-    for _ in range(_MOST_IMPACTS):
+    solved = True
+    for _ in range(_MOST_IMPACTS if endless else _MOST_OF_COLLAPSE):
         found, first, moves = -1, math.inf, False
         for a in range(size):
             contacts.speed[a] = approach_speed(P, S, contacts.touching[a], W)
@@ -377,9 +381,15 @@ def impact_to_the_end(P, S, R, W):
             largest = max(largest, gap[a])
         for a in range(size if 0.0 < largest < _SMALLEST_GAP else 0):
             gap[a] /= largest
-        if rebound(P, S, R, W, contacts.touching[found], False) < UNCHANGED:
-            return False
+        solved = rebound(P, S, R, W, contacts.touching[found], False) >= UNCHANGED
+        if not solved:
+            break
         impacts[found] = 1
+    if not solved or found >= 0:
+        for i in range(P.n):
+            S.x[i] = W.instant.x[i]
+        S.ambiguities, S.events = unsure, told
+        return False
     for a in range(size):
         j = contacts.touching[a]
         if impacts[a]:
@@ -388,7 +398,7 @@ def impact_to_the_end(P, S, R, W):
             W.instant.hit[j] = True
             S.deflate[j] = 1
     W.instant.jumped = 1
-    return found < 0
+    return True
 
 
 @kernel

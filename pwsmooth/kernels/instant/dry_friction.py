@@ -23,7 +23,7 @@ from ..step.steps import surface_rows
 from ..surface.dependent import PARTS, holds, independent, slopes_of_group
 from ..surface.sharing import FULL, least_load, slip_or_stick
 from ..surface.sliding import mask_solved
-from ..surface.sparse import find_strengths, link, solve_dense, solve_masked
+from ..surface.sparse import entry, find_strengths, link, solve_dense, solve_masked
 from .holding import is_supported
 
 _SYMMETRIC = 1e-7  # of slopes, which differences tell
@@ -313,7 +313,10 @@ def begins_to_part(P, C, S, W, h):
         grows = S.deflate[j] == GROWS
         if S.status[j] != HELD or P.kind[j] != SLIDING or all_rows[j] < 0 or grows:
             continue
-        size = h * abs(W.G[P.g_diagonal[j]])
+        strength = abs(W.G[P.g_diagonal[j]])
+        for r in range(P.m if strength == 0.0 else 0):  # of a force that acts by unknowns
+            strength = max(strength, abs(entry(P.g_row, P.g_col, W.G, r, j)))
+        size = h * strength
         for e in range(P.dh_row[j], P.dh_row[j + 1]):
             for k in range(C.order + 1):
                 size += abs(W.dh[e] * rows[P.dh_col[e], k]) * h**k

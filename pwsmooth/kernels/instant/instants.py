@@ -526,11 +526,13 @@ def at_instant(P, C, S, R, W):
     record_point(P, S, R)
     S.stalled = S.stalled + 1 if elapsed <= UNTOLD * time_size(S) else 0
     events_before = S.events
-    if S.stalled > MOST_AT_ONCE or (len(P.contact) > 1 and collapses(P, S, W)):
+    endless = S.stalled > MOST_AT_ONCE
+    if endless or (len(P.contact) > 1 and collapses(P, S, W)):
         # Derivatives do not go through what is told as one instant.
-        if len(P.contact) == 0 or R.tape.shape[0] > 0 or not impact_to_the_end(P, S, R, W):
+        if len(P.contact) > 0 and R.tape.shape[0] == 0 and impact_to_the_end(P, S, R, W, endless):
+            S.stalled = 0
+        elif endless:
             return Outcome.NO_ROOT if _unknowns_turn(P, W) else Outcome.CHATTERING
-        S.stalled = 0
     only = only_one(P, S, W) if fold < 0 and instant.at_clock == 0 else -1
     if only >= 0:
         code = cross_stick_or_leave(P, S, R, W, only)
