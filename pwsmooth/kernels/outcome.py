@@ -83,14 +83,14 @@ _TEXTS = {
     Outcome.SINGULAR: "The equations of the sliding, closed or algebraic multipliers are singular: two of them "
     "may constrain the same motion; or more than 128 contacts or frictions between elements of a family hold, whose "
     "forces are not solved for together: take a spring with a gap.",
-    Outcome.INCONSISTENT_CONTACT: "No reaction or impulse keeps the bodies of a rigid contact apart. If its friction "
-    "pushes them together (Painleve's paradox, inconsistent), in nature a tangential impact stops the slip, of which "
-    "rigid laws say nothing: take a compliant contact (`pwsmooth.laws.contact`), or less friction. If its gap jumps "
-    "below 0, as above a table that rises by a step, let it move there in a finite time.",
+    Outcome.INCONSISTENT_CONTACT: "No reaction or impulse keeps the bodies of a rigid contact apart, as its friction "
+    "pushes them together (Painleve's paradox, inconsistent): in nature a tangential impact stops the slip, of which "
+    "rigid laws say nothing; take a compliant contact (`pwsmooth.laws.contact`), or less friction.",
     Outcome.JAM: "The reaction of a slipping contact grows beyond all bounds, as its friction comes to push as hard as "
     "it holds (Painleve's paradox, dynamic jam): a compliant contact (`pwsmooth.laws.contact`) decides what follows.",
-    Outcome.BEHIND_CONTACT: "The gap of a rigid contact is negative at the start or after an update, and no motion "
-    "begins behind a stop: give states with gaps of 0 or more, or turn the sign of the gap.",
+    Outcome.BEHIND_CONTACT: "The gap of a rigid contact is negative at the start, after an update, or where the gap "
+    "itself has jumped, and no motion begins behind a stop: give states with gaps of 0 or more, turn the sign of the "
+    "gap, or let a table rise in a finite time.",
     Outcome.IRREVERSIBLE: "Backward in time the past is not unique from here: forward the motion has come to a "
     "stick or to rest, an event has set a memory, or an impact returned nothing. Start before it and go forward.",
     Outcome.LAYER_UNSETTLED: "The layer system neither settled nor left within its bound: a hidden "

@@ -56,7 +56,6 @@ from .surface_rates import approach_speed, evaluate_surfaces
 PRESSING = -1  # known zeros of the gap of a contact that rests and is pressed from now on
 UNTOLD = 1e-14  # of the time: instants that close are not told apart
 _MOST_IMPACTS, _MOST_OF_COLLAPSE, _SMALLEST_GAP = 20_000, 2_000, 1e-100
-_JUMPED = 1e3  # roundings of a gap: what it is below 0 by more has jumped
 _COLLAPSED = 1e-3  # of the time over which impacts have come ever sooner: so late their gaps are roundings
 _TURNS = 3  # of a projection: the gaps of bodies that turn are not linear
 _EQUAL = 1e-12  # of the largest speed or force: what is smaller is rounding
@@ -64,7 +63,7 @@ _JAM = 1e-6  # of what friction does to a gap, beside which the rest of its reac
 _GAP_ROUNDING, _GAP_TOLERANCES = (
     1e-9,
     1e3,
-)  # of a gap's size, and of what `atol` leaves of it: how well a state is known
+)  # of a gap's size, and of what `atol` leaves of it: how well it is known
 _SINGULAR = 1e10  # a force so many times the others comes of a singular matrix
 
 
@@ -107,11 +106,14 @@ def _find_touching(P, S, R, W):
 
 
 @kernel
-def is_behind(P, C, S, W):
-    """Whether a gap is negative by more than states are known to: a start or an update that no contact allows."""
+def is_behind(P, C, S, W, moved):
+    """Whether a gap is negative by more than states are known to, and has not come there by the motion: at a start or
+    after an update, which have `moved` the state, or where a switch in it has jumped."""
     evaluate_surfaces(P, S, W)
     for c in range(len(P.contact)):
         j = P.contact[c]
+        if W.instant.hit[j] or not (moved or P.nested[j] != 0):
+            continue
         if W.h[j] < -_GAP_ROUNDING * surface_size(P, S, j, W) - _GAP_TOLERANCES * surface_tolerance(P, C, W, j):
             return True
     return False
@@ -307,10 +309,6 @@ def settle_contacts(P, S, R, W):
     size = _find_touching(P, S, R, W)
     if size < 0:
         return UNSOLVABLE
-    for a in range(size):
-        j = contacts.touching[a]
-        if P.nested[j] != 0 and not W.instant.hit[j] and -W.h[j] > _JUMPED * surface_rounding(P, S, j, W):
-            return INCONSISTENT  # its gap has jumped into the body
     code = collide(P, S, R, W, size)
     if code < UNCHANGED:
         return code

@@ -33,7 +33,7 @@ from ..surface.sliding import INSIDE, keep_at_rest, mask_solved, put_in_slip, su
 from ..surface.sparse import link
 from ..surface.vector import begins, own_slopes, push_of_disc, pushes_back, slopes_of_disc, turn
 from .settling import layer_code, settle_arrivals, settle_at_rest
-from .surface_rates import look_ahead, look_back
+from .surface_rates import FAINT, look_ahead, look_back
 from .together import depend, settle_dependent, stand_still
 
 ALONE, AT_REST, ARRIVING = range(3)  # how discs are settled: without switches, or with those at their surfaces
@@ -42,7 +42,6 @@ _BOUND = 1e-13  # by which lambda . lambda may exceed 1 in a stick
 _MOVED = 1e-12  # of G, above which something acts
 _SAME = 1e-9  # of lambda: by less the force of a stick has not jumped
 _ALONG = 0.9  # cosine: h/|h| next to h = 0 is made of roundings
-_FAINT = 1e-3  # of a strength a moment later: what is as small begins to grow only now
 _NUDGE = 1e-4  # of lambda, from a root that repels
 _STILL = 100.0  # tolerances of h: what may be left of a slip where another one has come to rest, as in step/resting.py
 
@@ -103,7 +102,7 @@ def _has_no_strength(P, S, W, j):
     _rest_ahead(P, S, W, j)
     later = slopes_of_disc(P, S, W, j)
     look_back(P, S, W)
-    return now <= _FAINT * later
+    return now <= FAINT * later
 
 
 @kernel
@@ -212,7 +211,7 @@ def settle_disc(P, S, R, W, j, arrives):
         return GO_ON
     code = GO_ON
     _rest_ahead(P, S, W, j)
-    if slopes_of_disc(P, S, W, j) <= _FAINT * push_of_disc(P, S, W, j):
+    if slopes_of_disc(P, S, W, j) <= FAINT * push_of_disc(P, S, W, j):
         _settle_without_force(P, S, W, j)
     else:
         code = _settle_one(P, S, R, W, j, False)

@@ -224,9 +224,8 @@ def _arrivals(P, C, S, R, W, size, jumped):
 def _is_minute(P, C, S, W, j, speed, interval):
     """Whether an arc about surface j that takes `interval` is within the states' absolute tolerances of 0, or nothing
     beside the farthest one: no unit of the states decides."""
-    return 0.25 * abs(speed) * interval < max(
-        surface_tolerance(P, C, W, j), C.rtol * S.arcs[j, 1]
-    )  # its height
+    height = 0.25 * abs(speed) * interval
+    return height < max(surface_tolerance(P, C, W, j), C.rtol * S.arcs[j, 1])
 
 
 @kernel
@@ -554,9 +553,6 @@ def at_instant(P, C, S, R, W):
             record_point(P, S, R)
         if stop != GO_ON and stop != Outcome.TERMINATED:
             return stop
-        if jumped and len(P.contact) > 0 and is_behind(P, C, S, W):
-            record_point(P, S, R)
-            return Outcome.BEHIND_CONTACT
     code = _settle(P, C, S, R, W, fold, only, struck)
     for _ in range(MOST_AT_ONCE):
         # What impacts and switches have done to the surfaces of events is looked at when they have come to an end.
@@ -570,9 +566,6 @@ def at_instant(P, C, S, R, W):
         jumped = jumped or instant.jumped != 0
         if stop != GO_ON and stop != Outcome.TERMINATED:
             return stop
-        if len(P.contact) > 0 and is_behind(P, C, S, W):
-            record_point(P, S, R)
-            return Outcome.BEHIND_CONTACT
         code = _settle(P, C, S, R, W, -1, -1, False)
     if code != GO_ON:
         return code
@@ -607,6 +600,9 @@ def _settle(P, C, S, R, W, fold, only, struck):
             if turn > 0:
                 # What the contacts do has its own consequences: look again, at nothing but these.
                 _forget_what_was_met(P, S, W)
+            if is_behind(P, C, S, W, instant.jumped != 0):
+                record_point(P, S, R)
+                return Outcome.BEHIND_CONTACT
             contacts = settle_contacts(P, S, R, W)
             if contacts < UNCHANGED:
                 return outcome_of(contacts)

@@ -41,13 +41,12 @@ from .holding import (
     take_side,
     take_sides,
 )
-from .surface_rates import any_is, evaluate_surfaces, look_ahead, look_back, order_of_leaving, residual
+from .surface_rates import FAINT, any_is, evaluate_surfaces, look_ahead, look_back, order_of_leaving, residual
 
 _SAME = 1e-9  # of lambda: by less a slide is at its bound
 _NUDGE = 1e-3  # of lambda, to see what room a hidden term has
 # Of lambda: so near to its fold a hidden term is held, which takes some 1e-10 of its force; the pair knows it less.
 _INSIDE, _INSIDE_OF_PAIR = 1e-5, 1e-4
-_FAINT = 1e-3  # of a strength a moment later: what is as small begins to grow only now
 
 
 @kernel
@@ -136,7 +135,7 @@ def _note_slopes(P, S, W, size):
     look_back(P, S, W)
     for a in range(size):
         j = W.instant.active[a]
-        weaker = abs(slope[j]) <= _FAINT * abs(W.G[P.g_diagonal[j]])
+        weaker = abs(slope[j]) <= FAINT * abs(W.G[P.g_diagonal[j]])
         faint[j] = int(weaker or len(P.contact) > 0)
 
 
@@ -147,7 +146,7 @@ def _has_no_strength(P, S, W, j):
     look_ahead(P, S, W)
     later = _strength(P, S, W, j)
     look_back(P, S, W)
-    return now <= _FAINT * later
+    return now <= FAINT * later
 
 
 @kernel

@@ -106,7 +106,7 @@ def start(P, C, S, R, W):
     for i in range(P.ne):
         S.side[i] = 1 if W.h[m + i] >= 0.0 else -1
     if len(P.contact) > 0:
-        if is_behind(P, C, S, W):
+        if is_behind(P, C, S, W, True):
             record_point(P, S, R)
             return Outcome.BEHIND_CONTACT
         contacts = close_at_start(P, S, R, W)

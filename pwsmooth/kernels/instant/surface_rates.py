@@ -26,6 +26,7 @@ from ..surface.sliding import follow, keep_on_surface, mask_instant, mask_solved
 
 _HIGHEST = 7  # order with which a surface is left
 MOMENT = 1e-6  # of the unit of time
+FAINT = 1e-3  # of the strength of a friction a moment later: what is as small now only begins to grow
 
 
 @kernel

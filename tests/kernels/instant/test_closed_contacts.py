@@ -279,7 +279,7 @@ def test_a_table_that_steps_down_leaves_the_ball_and_one_that_steps_up_is_an_out
     down = on_table(-sp.Heaviside(t - 2) / 10, [0, 0], (1, 2.1), method)
     assert down.x[:, -1] == pytest.approx([-0.06, -1.2], abs=1e-9)
     up = on_table(sp.Heaviside(t - 2) / 10, [0, 0], (1, 3), method)
-    assert up.outcome.name == "INCONSISTENT_CONTACT" and up.t[-1] == 2.0
+    assert up.outcome.name == "BEHIND_CONTACT" and up.t[-1] == 2.0
 
 
 @METHODS
