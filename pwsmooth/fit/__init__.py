@@ -4,6 +4,7 @@ records.py          what was measured                       fitting.py         f
 coordinates.py      fitted quantities, of size 1            laws.py            fit_law(), for a law in the rig
 shooting.py         runs along records, and their slopes    result.py          Fit, profiles, fits side by side
 gauss_newton.py     the least misfit with closed gaps       identifiability.py what the data determine
+routes.py           several ways to it, and whether they agree
 """
 
 from .fitting import fit

@@ -2,12 +2,11 @@
 
     min over p, unknown x(t_0) of  sum_i ((y(t_i) - y_i)/sigma_i)^2 + sum_j ((p_j - m_j)/s_j)^2
 
-Chain: records.py, shooting.py, gauss_newton.py -> **fitting** -> laws.py.
+Chain: records.py, shooting.py, routes.py -> **fitting** -> laws.py.
 """
 
 from __future__ import annotations
 
-import contextlib
 import time as clock
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
@@ -18,9 +17,10 @@ from ..costs.telling import telling
 from ..door import checks
 from ..scenes import Scene
 from .coordinates import Coordinates, coordinate
-from .gauss_newton import ALL, STUCK, Iteration, Minimum, minimise
+from .gauss_newton import STUCK, Iteration, Minimum, minimise
 from .records import Record
 from .result import Fit
+from .routes import search
 from .shooting import Experiment, RunFailed, Shooting
 
 __all__ = ["fit"]
@@ -64,8 +64,8 @@ def fit(
     priors : mapping of (str or Symbol) to (float, float), in units of the parameters, optional
         Mean and standard deviation of what is known of a parameter before.
     intervals : int, optional
-        Into how many each record is cut where a state is measured (multiple shooting); by default one of 20 samples
-        each, 30 at most, and where these find no way on, from the first guess again as one. 1 is single shooting.
+        Into how many each record is cut on the first route, where a state is measured that decides on no event
+        (multiple shooting); by default one of 20 samples each, 30 at most. 1 is single shooting.
     max_runs : int
         Bound on runs along all records.
     max_steps : int
@@ -87,6 +87,11 @@ def fit(
 
     Notes
     -----
+    Several routes lead from the first guess: by intervals, by one run, and by the beginning of the records first and
+    then more and more of them. The best end is returned, and none is worse than the first guess. It is called a success
+    if it leaves what could be independent noise, or if two routes lead to it and the records see all that is fitted;
+    and if no point one standard error beside it is better.
+
     Positive parameters are fitted by their logarithm: they stay positive, and steps are relative. Where a run has no
     derivative at an instant (`Fit.problems`) its deviation is taken on as it came.
 
@@ -131,22 +136,13 @@ def fit(
     }  # fmt: skip
     problem = Shooting(experiments, coordinates, columns, known, sizes)
     fixed = coordinates.low == coordinates.high
-    search = dict(most=max_runs)
 
     def words(at: Iteration) -> str:
         return f"fit: step {at.number}, misfit {at.misfit / samples:.6g} a sample, gaps {at.gap:.2g}"
 
     with telling(progress, callback, words) as told:
         try:
-            nodes = [e.nodes for e in experiments]
-            found = minimise(problem, first, nodes, fixed, max_runs, told)
-            runs, failures = found.runs, found.failures
-            if found.message == STUCK and runs < max_runs and any(map(len, nodes)):
-                # Nodes lead past many a minimum, but not all: from the first guess again, without them.
-                with contextlib.suppress(RunFailed):
-                    alone = minimise(problem, first, nodes, fixed, max_runs - runs, told, ALL)
-                    found = min(found, alone, key=lambda each: each.at.misfit)
-                    runs, failures = runs + alone.runs, failures + alone.failures
+            found = search(problem, first, fixed, max_runs, told)
             for i in range(_ROUNDS if sizes else 0):
                 before, levels = problem.levels, _levels(problem, found, sizes, rtol, 1 - unknowns / samples)
                 problem.weigh(levels)
@@ -157,8 +153,10 @@ def fit(
                     at = problem.evaluate(found.z, found.at.nodes, found.every)
                     found = found._replace(at=at, slopes=problem.linearise(found.z, at))
                     break
-                found = minimise(problem, found.z, found.at.nodes, fixed, max_runs, told)
-                runs, failures = runs + found.runs, failures + found.failures
+                again = minimise(problem, found.z, found.at.nodes, fixed, max_runs, told, found.every)
+                if again.message == STUCK:  # a corner stays one
+                    again = again._replace(success=found.success, message=found.message)
+                found = again._replace(runs=found.runs + again.runs, failures=found.failures + again.failures)
         except RunFailed as error:
             raise ValueError(
                 f"the run from the first guess stops: {error} Give other guesses or fewer `intervals`."
@@ -167,8 +165,7 @@ def fit(
     for e, arcs in zip(experiments, found.at.arcs):
         e.plain(arcs[0].start, found.at.values)
     cost = (clock.process_time() - begun) / sum(e.t[-1] - e.begin for e in experiments)
-    found = found._replace(runs=runs, failures=failures)
-    return Fit(own, problem, found, len(guesses), problem.levels, fixed, cost, search)
+    return Fit(own, problem, found, len(guesses), problem.levels, fixed, cost, dict(most=max_runs))
 
 
 def _guesses(system: Any, parameters: Any) -> dict[str, float]:

@@ -7,7 +7,7 @@ accepted where misfit + nu * gap becomes smaller, with nu so large that the step
 
 Source: Bock 1983 for the step; Nocedal and Wright, Numerical Optimization, 2006, sec. 18.3, for nu. SciPy's
 least_squares has no constraints, and its step would see the gaps as residuals of some weight.
-Chain: shooting.py -> **gauss_newton** -> fitting.py.
+Chain: shooting.py -> **gauss_newton** -> routes.py.
 """
 
 from __future__ import annotations
@@ -22,12 +22,13 @@ from ..door.documenting import complete
 from .shooting import Evaluation, Linearised, RunFailed, Shooting
 
 _NEAR, ALL = 1e-2, 2**60  # sum of gaps from which on one run without nodes is tried
-_CLOSED = 1e-7  # sum of gaps, in units of the states, that counts as closed
+CLOSED = 1e-7  # sum of gaps, in units of the states, that counts as closed
 _FLAT = 1e-8  # of the misfit: a change that tells nothing
 _STILL = 1e-9  # a step, in coordinates of size 1
 _FIRST, _WIDEST, _NARROWEST = 0.5, 0.5, 1e-6  # half widths of the box; coordinates are logarithms or of size 1
 _LEAST = "The misfit does not become smaller any more."
 STUCK = "No step lessens the misfit, no smooth function here: try other guesses or `intervals`."
+INTERRUPTED = "Interrupted: this is the best point until then."
 
 
 @complete
@@ -104,7 +105,7 @@ def minimise(
                     slopes.jacobian[:, free], target, (below - slack, above + slack), method="bvls"
                 ).x
             predicted = at.misfit - 0.5 * float(np.sum((slopes.jacobian @ step - target) ** 2))
-            closed = at.gap <= _CLOSED
+            closed = at.gap <= CLOSED
             felt = float(np.max(np.abs(step) * norm, initial=0.0) / (norm.max(initial=0.0) or 1.0))
             if closed and np.abs(step).max(initial=0.0) <= _STILL:
                 success, message = True, _LEAST
@@ -154,9 +155,9 @@ def minimise(
             slopes = problem.linearise(z, at)
             told(Iteration(accepted, at.misfit, at.gap, at.values))
             if flat:
-                success, message = at.gap <= _CLOSED, _LEAST
+                success, message = at.gap <= CLOSED, _LEAST
                 break
     except KeyboardInterrupt:
-        success, message = False, "Interrupted: this is the best point until then."
+        success, message = False, INTERRUPTED
         slopes = problem.linearise(z, at)
     return Minimum(z, at, slopes, every, success, message, runs, failures)

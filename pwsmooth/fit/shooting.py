@@ -9,12 +9,14 @@ ds_j in terms of the fitted quantities z alone: what is minimised has no more un
     ds_(j+1) = c_j + dx/dp dp + dx/ds ds_j  =:  A_(j+1) dz + b_(j+1)
 
 Source: Bock, Recent advances in parameter identification techniques for O.D.E., 1983.
-Chain: records.py, coordinates.py -> **shooting** -> gauss_newton.py.
+Chain: records.py, coordinates.py -> **shooting** -> gauss_newton.py, routes.py.
 """
 
 from __future__ import annotations
 
+import copy
 import functools
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -74,6 +76,7 @@ class Experiment:
         self.names, self.data = list(record.values), np.array(list(record.values.values()))
         self._known()
         self.there = np.isfinite(self.data)
+        self.sizes = np.array([np.nanmax(np.abs(row)) or 1.0 for row in self.data])  # of what was measured
         used = self.there.any(axis=0)
         self.t, self.data, self.there = record.t[used], self.data[:, used], self.there[:, used]
         self.begin = record.t[0] if record.begin is None else record.begin
@@ -116,10 +119,17 @@ class Experiment:
         return np.array(self.system.initial_state(known, self.begin), float)
 
     def _curves(self) -> dict[str, Any]:
-        """State -> a function of time near to it, of measured states and of those that are a measured one's rate."""
+        """State -> a function of time near to it, of measured states and of those that are a measured one's rate.
+
+        None of a state that decides whether an event acts or a contact is met: noise in it would lose an event, and
+        with it all that the event remembers.
+        """
         from scipy.interpolate import make_smoothing_spline
 
         model, found = self.system.model, {}
+        acting = [event.surface for event in model.events if event.update and event.surface is not None]
+        acting += [mu.surface for mu in model.multipliers if mu.kind == "contact"]
+        deciding = {s.name for surface in acting for s in surface.free_symbols}
         memories = {str(m) for m in self.system.initial_memory}
         rates = {s.name: str(rate) for s, rate in zip(model.states, model.rhs)}
         for name, row, there in zip(self.names, self.data, self.there):
@@ -129,7 +139,7 @@ class Experiment:
                 found[name] = curve
                 if (rate := rates[name]) in self.states and rate not in (*memories, *self.names):
                     found[rate] = curve.derivative()
-        return found
+        return {name: curve for name, curve in found.items() if name not in deciding}
 
     def _cuts(self, intervals: int) -> np.ndarray:
         """The ends of intervals of equally many samples."""
@@ -173,6 +183,14 @@ class Experiment:
         """States that lie on a surface with this status of the multipliers; shape (n,)."""
         return self._surfaces[status == 0].any(axis=0)
 
+    def until(self, part: float) -> Experiment:
+        """The same over the first part of the record, in one interval."""
+        other = copy.copy(self)
+        count = max(math.ceil(part * len(self.t)), 2)
+        other.t, other.data, other.there = self.t[:count], self.data[:, :count], self.there[:, :count]
+        other.cuts, other.nodes = np.array([self.begin, other.t[-1]]), self.nodes[:0]
+        return other
+
     # ---- runs
 
     def arc(self, j: int, x: np.ndarray, values: Mapping[str, float]) -> Arc:
@@ -206,6 +224,10 @@ class Experiment:
     def values(self, arc: Arc) -> np.ndarray:
         """What was measured, of a run at its samples, shape (k, nt)."""
         return np.array([arc.solution[name][: len(arc.times)] for name in self.names])
+
+    def difference(self, arcs: Sequence[Arc]) -> np.ndarray:
+        """Model minus data, shape (k, nt); nan where a sample is missing."""
+        return np.concatenate([self.values(arc) for arc in arcs], axis=1) - self.data
 
     def slopes(self, arc: Arc, values: Mapping[str, float], problems: list) -> tuple[np.ndarray, np.ndarray]:
         """d(what was measured)/dq, shape (k, nt, nq), and d(end)/dq, shape (n, nq): the parameters, then `arc.states`.
@@ -310,6 +332,42 @@ class Shooting:
                       for name, there in zip(e.names, e.there)])
             for e in self.experiments
         ]  # fmt: skip
+
+    @property
+    def nodes(self) -> list[np.ndarray]:
+        """First guesses of the states between the intervals."""
+        return [e.nodes for e in self.experiments]
+
+    def until(self, part: float, known: Sequence[tuple[int, float, float]]) -> Shooting:
+        """The same problem of the first part of every record, with more knowledge of the fitted quantities."""
+        experiments = [e.until(part) for e in self.experiments]
+        return Shooting(experiments, self.coordinates, self.columns, [*self.priors, *known], self.levels)
+
+    def bearing_jumps(self, z: np.ndarray, outlier: float, rounding: float) -> Shooting:
+        """The same with Cauchy's weights at z: a sample counts half at `outlier` medians of its column's residuals."""
+        other, at = copy.copy(self), self.evaluate(z, self.nodes)
+        other.weights = []
+        for e, arcs, weights in zip(self.experiments, at.arcs, self.weights):
+            off = np.abs(np.where(e.there, e.difference(arcs), 0.0))
+            middle = [np.median(row[there]) if there.any() else 0.0 for row, there in zip(off, e.there)]
+            usual = np.fmax(outlier * np.array(middle), rounding * e.sizes)
+            other.weights.append(weights / np.sqrt(1 + (off / usual[:, None]) ** 2))
+        return other
+
+    def misfit(self, z: np.ndarray) -> float:
+        """Half the sum of squared residuals of one run along each record, without slopes; RunFailed as `evaluate`."""
+        numbers = self.coordinates.values(z)
+        values = dict(zip(self.coordinates.names, numbers.tolist()))
+        squares = sum(((numbers[i] - mean) / spread) ** 2 for i, mean, spread in self.priors)
+        for e, columns, weights in zip(self.experiments, self.columns, self.weights):
+            x = e.start.copy()
+            x[e.unknown] = numbers[columns]
+            run = e.plain(x, values)
+            if not run.success:
+                raise RunFailed(run.message)
+            off = np.array([run[name] for name in e.names]) - e.data
+            squares += float(np.sum((weights * np.where(e.there, off, 0.0)) ** 2))
+        return 0.5 * squares if math.isfinite(squares) else math.inf
 
     def evaluate(self, z: np.ndarray, nodes: Sequence[np.ndarray], every: int = 1) -> Evaluation:
         """Runs all experiments; RunFailed where one stops, ValueError for values that a system does not take."""
