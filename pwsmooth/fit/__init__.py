@@ -5,6 +5,7 @@ coordinates.py      fitted quantities, of size 1            laws.py            f
 shooting.py         runs along records, and their slopes    result.py          Fit, profiles, fits side by side
 gauss_newton.py     the least misfit with closed gaps       identifiability.py what the data determine
 routes.py           several ways to it, and whether they agree
+noisy_drives.py     whether a measured drive may be taken as exact
 """
 
 from .fitting import fit

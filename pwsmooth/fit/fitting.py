@@ -18,6 +18,7 @@ from ..door import checks
 from ..scenes import Scene
 from .coordinates import Coordinates, coordinate
 from .gauss_newton import STUCK, Iteration, Minimum, minimise
+from .noisy_drives import unstated
 from .records import Record
 from .result import Fit
 from .routes import search
@@ -161,6 +162,8 @@ def fit(
             raise ValueError(
                 f"the run from the first guess stops: {error} Give other guesses or fewer `intervals`."
             ) from None
+    if found.success and (why := unstated(problem, found, fixed, guesses, options)):
+        found = found._replace(success=False, message=why)
     begun = clock.process_time()
     for e, arcs in zip(experiments, found.at.arcs):
         e.plain(arcs[0].start, found.at.values)

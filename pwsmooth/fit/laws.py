@@ -51,7 +51,8 @@ def fit_law(
     t : array_like, shape (n,)
         Times, in units consistent with those of the law.
     motion : array_like, shape (n,)
-        Position or velocity there, in units of the law.
+        Position or velocity there, in units of the law. It is taken as exact; where its noise matters, `success` is
+        False and the message says by how many stated errors.
     force : array_like, shape (n,)
         Friction force there, in units of the law; nan where it is missing.
     kind : {"position", "velocity"}
@@ -91,7 +92,10 @@ def fit_law(
     scene = prescribed_motion(law, **{kind: Drive(t, motion)})
     used = np.where(t >= t[0] + settle, force, np.nan)
     found = fit(scene, Record(t, {"force": used}, noise=noise), _free(law, free), rtol=rtol, **options)
-    found.law, found.message = _with(law, found.values, found.message)
+    message = found.message
+    if found.message.startswith("The drive "):
+        message = "`motion`" + message[message.index(" has noise") :].replace("the drive", "it")
+    found.law, found.message = _with(law, found.values, message)
     return found
 
 

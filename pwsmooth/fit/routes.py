@@ -227,7 +227,7 @@ def _beside(problem: Shooting, found: Minimum, fixed: np.ndarray) -> np.ndarray 
     _, sizes, directions = np.linalg.svd(jacobian, full_matrices=False)
     error = math.sqrt(2 * misfit / max(np.count_nonzero(residual) - len(free), 1))
     best, least = None, misfit * (1 - _BETTER)
-    for size, direction in zip(sizes, directions):
+    for size, direction in zip(sizes.tolist(), directions):
         length = min(error / size if size > 0 else math.inf, _WIDE)
         for side in (length, -length):
             z = found.z.copy()
