@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from ..analysis.continuation.equilibria import curves as of_equilibria
 from ..analysis.continuation.two_parameters import FOLLOWED, follow_curve
+from ..analysis.equilibria.equilibrium import Equilibrium
 from ..analysis.maps.sections import Section, Stroboscopic
 from .plain import Setting, aligned, distance, made_bifurcation, points_of
 
-KINDS = FOLLOWED
 _BESIDE = 0.1  # of a step of the curve: its bend between two points is less
 _FLOOR = 1e-6  # of the ranges
 
@@ -33,10 +34,10 @@ def grown(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
         ValueError,
     ) as error:  # one that cannot be followed, as a rule
         return {"arrays": {}, "about": {"lost": str(error)}}
-    if len(curve.orbits) < 2:
+    if len(curve._items) < 2:
         return {"arrays": {}, "about": {"lost": "; ".join(curve.ends)}}
     n = len(setting.system.model.states)
-    pairs = [_points(orbit, setting, n) for orbit in curve.orbits]
+    pairs = [_points(item, setting, n) for item in curve._items]
     count = max(len(points) for points, _ in pairs)
     points, mirrored = (np.full((len(pairs), count, n), np.nan) for _ in range(2))
     for k, (own, other) in enumerate(pairs):
@@ -46,8 +47,8 @@ def grown(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
             mirrored[k, : len(other)] = np.roll(other, shift, axis=0)
     arrays = {
         "values": curve.values, "points": points, "mirrored": mirrored, "admissible": curve.admissible,
-        "size": np.array([np.abs(orbit.multipliers).max(initial=0.0) for orbit in curve.orbits]),
-        "period": np.array([orbit.period for orbit in curve.orbits]),
+        "size": np.array([_size(item) for item in curve._items]),
+        "period": np.array([getattr(item, "period", np.nan) for item in curve._items]),
         **{f"test {name}": values for name, values in curve.tests.items()},
     }  # fmt: skip
     about = {
@@ -57,8 +58,25 @@ def grown(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
     return {"arrays": arrays, "about": about}
 
 
+def condition_of(data: Mapping[str, Any]) -> str | None:
+    """The kind of the curve on which a bifurcation lies, given as data; None where no such curves are followed."""
+    kind, still = data["kind"], "frequency" in data
+    if still and kind.startswith(of_equilibria.BOUNDARY):
+        kind = of_equilibria.BOUNDARY
+    return kind if kind in (of_equilibria.FOLLOWED if still else FOLLOWED) else None
+
+
+def _size(item: Any) -> float:
+    """The largest modulus of the multipliers; of an equilibrium the rightmost eigenvalue's real part."""
+    if isinstance(item, Equilibrium):
+        return float(item.eigenvalues.real.max(initial=-np.inf))
+    return float(np.abs(item.multipliers).max(initial=0.0))
+
+
 def _points(orbit: Any, setting: Setting, n: int) -> tuple[np.ndarray, np.ndarray | None]:
-    """Points once a period (returns); nan of virtual orbits, and of maps that have no such points."""
+    """Points once a period (returns), or the equilibrium; nan of virtual orbits, and of maps without such points."""
+    if isinstance(orbit, Equilibrium):
+        return points_of(orbit, setting)
     map_ = getattr(orbit.map, "base", orbit.map)
     if orbit.success and len(orbit.x) == n and isinstance(map_, (Stroboscopic, Section)):
         return points_of(replace(orbit, map=map_), setting)
@@ -70,7 +88,8 @@ class Grown:
     """A curve of a bifurcation set.
 
     `arrays`: values (2, K) of both parameters, points (K, count, n) once a period, admissible, size (the largest
-    multiplier), period, and test functions by "test " and their name. `about`: its kind, ends, points of codimension 2.
+    multiplier, or the rightmost eigenvalue), period, and test functions by "test " and their name. `about`: its kind,
+    ends, points of codimension 2.
     """
 
     arrays: Mapping[str, np.ndarray]
@@ -104,7 +123,7 @@ class Grown:
         k = int(np.argmin(off))
         return float(off[k]), k, float(part[k])
 
-    def holds(self, kind: str, at: np.ndarray, points: np.ndarray, widths: np.ndarray) -> bool:
+    def holds(self, kind: str | None, at: np.ndarray, points: np.ndarray, widths: np.ndarray) -> bool:
         """Whether a bifurcation of this kind, at a point of the plane and of an orbit of these points, lies on it."""
         if kind != self.kind:
             return False

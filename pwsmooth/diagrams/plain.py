@@ -140,6 +140,8 @@ def told_bifurcation(b: Bifurcation | EquilibriumBifurcation, setting: Setting) 
         data["change"] = [b.change.name, _letters(b.change.before), _letters(b.change.after), b.change.time]
     if b.beyond is not None:
         data["beyond"] = told(b.beyond, setting)
+    if b.saddles:
+        data["saddles"] = [told(e, setting) for e in b.saddles]
     return data
 
 
@@ -155,7 +157,9 @@ def made_bifurcation(data: Mapping[str, Any], setting: Setting) -> Any:
         name, before, after, time = data["change"]
         gone, come = (tuple(Letter(*x) for x in part) for part in (before, after))
         change = Change(name, gone, come, time)
-    return Bifurcation(*four, orbit, change, made(data["beyond"], setting) if "beyond" in data else None)
+    beyond = made(data["beyond"], setting) if "beyond" in data else None
+    saddles = tuple(made(e, setting) for e in data.get("saddles", ()))
+    return Bifurcation(*four, orbit, change, beyond, saddles)
 
 
 # ---- where an orbit is, whatever section it was found on

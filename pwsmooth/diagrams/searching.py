@@ -92,10 +92,12 @@ class Search:
         """Where other branches begin on a branch, at bifurcations that no branch before it has."""
         for b in line.bifurcations:
             b["first"] = self._new(b) and not (b["kind"] == "fold" and self._vertex(line, b))
-            if b["first"] and b["kind"] == "flip" and 2 * line.count > self.longest:
+            origin = f"{b['kind']} at {self.name} = {b['parameter']:.9g}"
+            if b["first"] and b["orbit"].get("count", line.count) < line.count:
+                yield f"stem of the {origin}", line.depth + 1, self._task(start=b["orbit"]), None
+            elif b["first"] and b["kind"] == "flip" and 2 * line.count > self.longest:
                 self.left += 1
             elif b["first"] and b["kind"] in SWITCHED:
-                origin = f"{b['kind']} at {self.name} = {b['parameter']:.9g}"
                 for sign in (1, -1) if b["kind"] == "branch point" else (1,):
                     amplitudes = [sign * a for a in _AMPLITUDES]
                     root = b if b["kind"] == "branch point" else None

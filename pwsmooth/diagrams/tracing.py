@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..analysis.continuation.arclength import Walk, value_of
+from ..analysis.continuation.bifurcations import ON_CIRCLE
 from ..analysis.continuation.branches import Branch, branch_off, follow, followed
 from ..analysis.continuation.equilibria.branch import EquilibriumBifurcation, EquilibriumBranch
 from ..analysis.continuation.equilibria.hopf import cycle_from
@@ -49,7 +50,7 @@ class _Entry:
         self.orbit, self.number = orbit, number
         self.q = value_of(orbit, name)
         self.points, self.mirrored = points_of(orbit, setting)
-        self.decided = number < 0
+        self.decided = number < 0 and _decided(orbit)
 
     @property
     def skew(self) -> np.ndarray | None:
@@ -68,6 +69,13 @@ class _Entry:
         self.points = np.roll(self.points, k, axis=0)
         self.mirrored = None if self.mirrored is None else np.roll(self.mirrored, k, axis=0)
         return self
+
+
+def _decided(orbit: Any) -> bool:
+    """Whether multipliers, or an equilibrium's mode, tell the stability: at a bifurcation they do not."""
+    if isinstance(orbit, Equilibrium):
+        return orbit.stability != "undecided"
+    return not np.any(np.abs(np.abs(orbit.multipliers) - 1) < ON_CIRCLE)
 
 
 def begun(setting: Setting, task: Mapping[str, Any]) -> Any:

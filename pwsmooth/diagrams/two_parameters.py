@@ -17,7 +17,7 @@ import numpy as np
 
 from ..analysis.maps.sections import LONGEST
 from ..door import calls, checks
-from .growing import KINDS, Grown, grown
+from .growing import Grown, condition_of, grown
 from .looking import DOOR, SWEEPS, Starts, looking
 from .plain import values_of
 from .result import Diagram
@@ -95,7 +95,7 @@ def bifurcation_set(
     orbits : sequence of PeriodicOrbit or Equilibrium, any length
         More to begin with, on the lines.
     box : mapping of state to (float, float), in the units of the states, optional
-        Equilibria in it are followed too.
+        Equilibria in it are followed too, and curves of their folds, Hopf points and boundary equilibria.
     values : int
         On each line in the orbit diagram.
     most, points : int
@@ -213,9 +213,9 @@ class _Growing:
             for found, (name, value) in zip(diagrams, held)
             for b in found.bifurcations
         ]
-        others = Counter(b.kind for b, *_ in starts if b.kind not in KINDS or "frequency" in b.data)
+        others = Counter(b.kind for b, *_ in starts if condition_of(b.data) is None)
         self.lost += [f"{number} of {kind}: no curves of it are followed." for kind, number in others.items()]
-        starts = [start for start in starts if start[0].kind in KINDS and "frequency" not in start[0].data]
+        starts = [start for start in starts if condition_of(start[0].data) is not None]
         for number, start in enumerate(starts):
             if self.known(*start):
                 continue
@@ -247,7 +247,8 @@ class _Growing:
 
     def known(self, b: Any, name: str, line: tuple[str, float]) -> bool:
         at = self.at(b, name, line)
-        return any(curve.holds(b.kind, at, b.points, self.widths) for curve in self.found)
+        kind = condition_of(b.data)
+        return any(curve.holds(kind, at, b.points, self.widths) for curve in self.found)
 
     def same(self, curve: Grown) -> bool:
         """Whether a curve is one that is known, of which two of its points say so."""

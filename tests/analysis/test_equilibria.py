@@ -22,6 +22,7 @@ from pwsmooth import (
     equilibria,
     find_equilibrium,
     find_orbit,
+    follow,
     solve,
 )
 
@@ -227,11 +228,32 @@ def test_an_algebraic_unknown_is_solved_with_the_states():
     )
 
 
-def test_a_kink_without_a_jump_of_the_jacobian_decides_and_one_with_it_does_not():
+def test_a_kink_without_a_jump_of_the_jacobian_decides_and_one_with_it_does_so_by_half_turns():
     soft = find_equilibrium(System({x: v, v: -x - v - v * sp.Abs(v)}), {x: 0.3, v: 0})
     assert soft.stable and soft.border
     hard = find_equilibrium(System({x: v, v: -x - v - sp.Abs(x) / 2}), {x: 0.3, v: 0})
-    assert hard.stability == "undecided" and "kink" in hard.linear.undecided
+    # x'' + x' + k x with k = 3/2 and 1/2: half turns take pi/sqrt(k - 1/4), at the rate -1/2
+    halves = math.pi / math.sqrt(5 / 4) + math.pi / 0.5
+    assert hard.stable and hard.border
+    assert hard.eigenvalues == pytest.approx([-0.5 + 2j * math.pi / halves, -0.5 - 2j * math.pi / halves])
+    three = find_equilibrium(System({x: v, v: -x - v - sp.Abs(x) / 2, z: x - z}), {x: 0.3, v: 0, z: 0})
+    assert three.stability == "undecided" and "kink" in three.linear.undecided
+
+
+def test_a_common_zero_of_two_fields_is_isolated():
+    # Foci -1 +- i and -2 +- 3 i, which every orbit joins across x = 0
+    switched = System(
+        {x: sp.Piecewise((a * x - v, x < 0), (-2 * x - 3 * v, True)),
+         v: sp.Piecewise((x + a * v, x < 0), (3 * x - 2 * v, True))}, parameters={a: -1},
+    )  # fmt: skip
+    zero = find_equilibrium(switched, {x: 0.1, v: 0.1})
+    assert zero.isolated and zero.stable and zero.x.tolist() == [0, 0]
+    assert len(equilibria(switched, {x: (-1, 1), v: (-1, 1)})) == 1
+    # Half turns multiply by exp(pi a) and exp(-2 pi/3).
+    branch = follow(zero, a, to=1)
+    (hopf,) = branch.bifurcations
+    assert hopf.kind == "Hopf" and hopf.parameter == pytest.approx(2 / 3, abs=1e-9) and hopf.lyapunov is None
+    assert branch.stable[0] and not branch.stable[-1]
 
 
 def test_second_order_sliding_is_found_and_its_stability_left_open():

@@ -101,16 +101,47 @@ def test_both_halves_of_a_pitchfork_are_one_branch():
     assert np.ptp(np.sign(at)) == 2 and not np.any(np.abs(stem.arrays["points"]) > 1e-11)
 
 
-def test_branches_of_a_skew_tent_end_at_its_border():
-    # x -> x/2 + a for x < 0, -3 x/2 + a else: fixed at 2 a; a period of two, a + x/2 and a - 3 x/2
+def test_a_skew_tent_s_fixed_point_crosses_its_border_where_a_period_of_two_begins():
+    # x -> x/2 + a for x < 0, -3 x/2 + a else: fixed at 2 a and 2 a/5; a period of two, a + x/2 and a - 3 x/2
     tent = mapped({x: sp.Piecewise((x / 2 + a, x < 0), (-3 * x / 2 + a, True))}, a=-0.5)
     found = diagram(tent, a, (-0.5, 0.5), {x: 0.1}, **STROBED, values=10)
     single, double = found.branches
-    assert single.q.max() == pytest.approx(0, abs=1e-8) and double.q.min() == pytest.approx(0, abs=1e-8)
-    assert np.abs(single.arrays["points"][:, 0, 0] - 2 * single.q).max() < CLOSE
+    assert single.q.max() == pytest.approx(0.5) and double.q.min() == pytest.approx(0, abs=1e-8)
+    (border,) = found.bifurcations
+    assert border.kind == "border collision" and abs(border.parameter) < CLOSE
+    assert (
+        np.abs(
+            single.arrays["points"][:, 0, 0] - np.minimum(2 * single.q, 0.4 * single.q * (single.q > 0))
+        ).max()
+        < CLOSE
+    )
     low = double.arrays["points"][:, :, 0].min(axis=1)
     assert np.abs(low + 2 / 7 * double.q).max() < CLOSE  # a - 3/2 (a + x/2) = x
     assert found.unexplained.size == 0
+
+
+def test_the_branch_on_which_a_doubled_branch_ends_is_followed():
+    # The logistic map's window of period 3: fold at 1 + sqrt 8, flip at 3.841499
+    found = diagram(
+        LOGISTIC.with_parameters({a: 3.83}), a, (3.83, 3.845), {x: 0.3}, **STROBED, values=2, transient=2000
+    )
+    assert sorted(branch.count for branch in found.branches) == [3, 6] and found.gaps == []
+
+
+def test_a_rest_that_persists_at_a_boundary_leaves_no_gap():
+    # x = a - 1 for a > 1, 0 held for |a| < 1, x = a + 1 for a < -1
+    found = diagram(System({x: a - x - sp.sign(x)}, parameters={a: 0.0}), a, (-2, 2), box={x: (-4, 4)})
+    assert found.gaps == []
+
+
+def test_folds_of_equilibria_have_curves(tmp_path):
+    cusp = System({x: a + b * x - x**3}, parameters={a: -1.0, b: 1.0})
+    found = bifurcation_set(cusp, (a, b), ((-1, 1), (-1, 1.5)), box={x: (-3, 3)}, lines={b: [1.0]})
+    (curve,) = found.curves
+    p, q = curve.values
+    assert np.abs(27 * p**2 - 4 * q**3).max() < CLOSE and [point.name for point in found.points] == ["cusp"]
+    found.save(tmp_path / "set.zarr")
+    assert [curve.kind for curve in read_set(tmp_path / "set.zarr").curves] == ["fold"]
 
 
 def test_a_hopf_point_leads_to_its_cycle():

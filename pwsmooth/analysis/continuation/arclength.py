@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...paths.budget import Budget, within
 from ...results.solution import Solution
 from ..maps.poincare import Image
 from ..maps.sections import Stroboscopic
@@ -28,7 +29,9 @@ from ..orbits.recutting import longest_slip
 _MOST_NEWTON = 8
 EASY = 3  # steps of Newton's method: where it takes more, it is seen whether segments would make it easier
 NEAR = 0.03  # of the period: an event so near to the section moves it
+_TRIAL, _FEWEST = 100, 100  # times the steps of the orbit before, and how many these are at least: of a guess
 _ALONG = 0.8  # cosine between tangents and the chord of a step
+JUMP_OF_SLOPES = 0.02  # of 1 or their size: slopes that so differ between points close together jump
 _MOVES = 1e-3  # of the arc: with longer steps than this an event comes so near first
 
 
@@ -62,6 +65,8 @@ class Walk:
     def __init__(self, orbit: PeriodicOrbit, name: str, scale: float) -> None:
         self.map, self.name, self.scale = orbit.map, name, scale
         self.bounds = (-math.inf, math.inf)  # of the parameter: what it is tried at
+        self.usual = 0  # steps of solve() that the last orbit took
+        self.until: Budget | None = None  # of the whole walk
         self._take(orbit)
 
     def _take(self, orbit: PeriodicOrbit) -> None:
@@ -83,13 +88,20 @@ class Walk:
             return None
         shooting = here if self.segments is None else Shooting(here, self.segments.cuts)
         x = u[:-1] * self.weight
-        image = shooting.image(x, (self.name,))
+        with within(self._trial()):
+            image = shooting.image(x, (self.name,))
         if not image.success:
             return None
         here, F = shooting, image.x - x
         slope = (image.jacobian - np.eye(len(F))) * self.weight
         DF = np.column_stack([slope, image.by_parameter[:, 0] * self.scale])
         return (here, image, F, DF) if np.isfinite(DF).all() else None
+
+    def _trial(self) -> Budget:
+        """What a guess may take: one that escapes to infinity is given up long before a call's own bound."""
+        seconds = None if self.until is None or self.until.deadline == math.inf else self.until.remaining()
+        steps = _TRIAL * max(self.usual, _FEWEST) if self.usual else math.inf
+        return Budget(steps, None if seconds is None else max(seconds, 1e-3))
 
     def point(self, orbit: PeriodicOrbit, direction: np.ndarray) -> Point:
         """The point of a converged orbit, with its tangent along `direction` (of all points, or on the section)."""
@@ -104,6 +116,7 @@ class Walk:
         assert equations is not None
         tangent, alone = only_way(equations[3], direction)
         tangent[:-1][pinned(equations[1])] = 0.0
+        self.usual = sum(len(run.t) for run in equations[1].runs)
         return Point(u, tangent, orbit, equations[1], 0, alone)
 
     def correct(self, guess: np.ndarray, normal: np.ndarray, direction: np.ndarray) -> Point | None:
@@ -121,6 +134,7 @@ class Walk:
                 orbit = orbit_of(here, x, image, size, steps, True, "continued", kept)
                 tangent, alone = only_way(DF, direction)
                 tangent[:-1][pinned(image)] = 0.0
+                self.usual = sum(len(run.t) for run in image.runs)
                 return Point(u, tangent, orbit, image, steps, alone)
             if size > 10 * last or steps == _MOST_NEWTON:
                 return None
@@ -252,7 +266,7 @@ class Walk:
                 there = self.correct(here.u + 2 * reach * direction, direction, direction)
                 if there is None or np.linalg.norm(there.u - here.u) > 20 * reach:
                     continue
-                if not same_itinerary(here.orbit, there.orbit):
+                if not same_itinerary(here.orbit, there.orbit) or slopes_apart(here, there) > JUMP_OF_SLOPES:
                     return there
         return None
 
@@ -320,6 +334,29 @@ def _begun(orbit: PeriodicOrbit) -> tuple[Shooting, np.ndarray, Image] | None:
         X = np.append(X, replace(map_, count=k).image(orbit.x).x)
     image = shooting.image(X, ())
     return (shooting, X, image) if image.success else None
+
+
+def slopes_apart(one: Point, other: Point) -> float:
+    """How much the derivatives of the map at two points differ, relative to 1 or to their size if that is more."""
+    a, b = one.image.jacobian, other.image.jacobian
+    if a.shape != b.shape:
+        return 0.0
+    return float(np.abs(a - b).max(initial=0.0)) / max(1.0, np.abs(a).max(initial=0.0))
+
+
+def in_other_pieces(orbit: PeriodicOrbit) -> PeriodicOrbit | None:
+    """The same orbit in other segments than it was shot over in; None where there are none from which it is found."""
+    if orbit.segments is None:
+        begun = _begun(orbit)
+        number = max(3, orbit.map.turns + 1)
+    else:
+        shooting, X = Shooting(orbit.map, orbit.segments.cuts), orbit.segments.nodes.ravel()
+        begun, number = (shooting, X, shooting.image(X, ())), len(orbit.segments) + 1
+    if begun is None or not begun[2].success or (found := cut(*begun, number=number)) is None:
+        return None
+    cuts, X, _, held = found
+    other = shot(Shooting(orbit.map, cuts), X, (True, held))
+    return other if other.success and np.isfinite(other.jacobian).all() else None
 
 
 def _sticks(point: Point) -> bool:

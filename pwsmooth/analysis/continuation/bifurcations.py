@@ -4,19 +4,20 @@ Fold, flip, symmetry breaking, branch point and torus are zeros of test function
 tau_q, det(DP + 1), the same for the half-period map, det(DP - 1), and the product of mu_i mu_j - 1. A change of
 itinerary is enclosed by bisection; itineraries.py says what it is, jumps.py where the map jumps.
 
-Chain: arclength.py, itineraries.py, jumps.py -> **bifurcations** -> continuation.py.
+Chain: arclength.py, itineraries.py, jumps.py, naming.py -> **bifurcations** -> continuation.py.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
 
 from ...door import checks
 from ...door.documenting import complete
+from ..equilibria.equilibrium import Equilibrium
 from ..orbits.finding import refined_to
 from ..orbits.fixed_points import SAME
 from ..orbits.itineraries import JUMP, Change, change_between, same_itinerary
@@ -24,16 +25,17 @@ from ..orbits.periodic_orbit import PeriodicOrbit
 from .arclength import Point, Walk
 from .bracketing import zero_between
 from .conditions.captures import CAPTURE
-from .conditions.conditions import factors, on_circle, pairs
+from .conditions.conditions import factors, pairs
 from .jumps import ADDING, jump_between
+from .naming import BORDER, BRACKET, TOUCHED, border_between, crosses, has_multiplier, touches
 
 __all__ = ["Bifurcation", "bifurcations_between"]
 
 P = TypeVar("P", bound=Point)
 
-_BRACKET = 1e-12  # of the arc, in which a change of itinerary is enclosed
 _HALVINGS = 30  # of a step, in which a change of stability is enclosed that no test sees
-_ON_CIRCLE = 1e-7  # from 1: multipliers that may lie on either side
+ON_CIRCLE = 1e-7  # from 1: multipliers that may lie on either side
+_SHARP = 0.95  # cosine between tangents: where a branch turns more within a step, its slopes may jump
 _NEAR = 0.1  # to the unit circle: a multiplier that may be 1 or -1 but for roundings
 # Of the arc, to either side of a change: there its events stand apart and can be named. What begins with the square
 # root of the distance, as a slip at the end of a stick does, comes together only nearer; at a jump nothing does.
@@ -48,8 +50,10 @@ class Bifurcation:
     Attributes
     ----------
     kind : str
-        "fold", "flip", "symmetry breaking", "branch point", "torus", the name of a change of itinerary, or "capture":
-        of a layered view with a finite ratio, whose contact is captured on one side of it and passes on the other.
+        "fold", "flip", "symmetry breaking", "branch point", "torus", the name of a change of itinerary, "border
+        collision" where multipliers jump without an event, or "capture": of a layered view with a finite ratio, whose
+        contact is captured on one side of it and passes on the other; "homoclinic orbit" or "heteroclinic cycle" where
+        a branch of cycles ends at saddles.
     name : str
         The parameter's.
     parameter : float, in the unit of the parameter
@@ -62,6 +66,8 @@ class Bifurcation:
         Which events change, for changes of itinerary.
     beyond : PeriodicOrbit or None
         The orbit on the other side of a change of itinerary.
+    saddles : tuple of Equilibrium
+        Of a homoclinic orbit or a heteroclinic cycle: those that it comes to.
 
     Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the smooth ones; di Bernardo, Budd, Champneys,
     Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for the others.
@@ -83,6 +89,17 @@ class Bifurcation:
     orbit: PeriodicOrbit
     change: Change | None = None
     beyond: PeriodicOrbit | None = None
+    saddles: tuple[Equilibrium, ...] = ()
+
+    @property
+    def at_saddles(self) -> str:
+        """Where the orbit comes to rest on its way, in words; empty where it does not."""
+        places = [", ".join(f"{name} = {x:.9g}" for name, x in e.start.items()) for e in self.saddles]
+        return (
+            f"its period grows without bound beside the saddle at {' and that at '.join(places)}"
+            if places
+            else ""
+        )
 
     @property
     def jumps(self) -> bool:
@@ -94,6 +111,7 @@ class Bifurcation:
 
     def __str__(self) -> str:
         text = f"{self.kind} at {self.name} = {self.parameter:.10g} (+- {self.uncertainty:.1g})"
+        text += f"\n    {self.at_saddles}" if self.saddles else ""
         if self.change is not None and self.beyond is not None:
             sizes = [", ".join(f"{m:.4g}" for m in orbit.multipliers) for orbit in (self.orbit, self.beyond)]
             text += f"\n    {self.change}\n    multipliers {sizes[0]} -> {sizes[1]}"
@@ -154,12 +172,30 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
         if not of_no_effect(change, *(p.orbit for p in apart)):
             if change.name == JUMP and (found := jump_between(walk, left, right)) is not None:
                 found = found._replace(change=found.change or change)
-                return [*bifurcations, Bifurcation(*found, beyond=behind.orbit)]
-            bifurcations.append(
-                Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, behind.orbit)
-            )
+                return [*bifurcations, Bifurcation(*found[:6], beyond=behind.orbit)]
+            if change.name in TOUCHED and not touches(change, *(p.orbit for p in apart)):
+                change = replace(change, name="corner")
+            one = Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, behind.orbit)
+            bifurcations = _with(bifurcations, one)
         here = behind
     return bifurcations
+
+
+def _with(found: list[Bifurcation], one: Bifurcation) -> list[Bifurcation]:
+    """With another change of itinerary: as one with the change before, if no parameter lies between them."""
+    last = found[-1] if found else None
+    if last is not None and last.change is not None and last.beyond is not None and one.beyond is not None:
+        width = last.uncertainty + one.uncertainty
+        if abs(last.parameter - one.parameter) <= width:
+            both = change_between(last.orbit, one.beyond)
+            if both.name != JUMP:
+                if both.name in TOUCHED and not touches(both, last.orbit, one.beyond):
+                    both = replace(both, name="corner")
+                return [
+                    *found[:-1],
+                    replace(last, kind=both.name, uncertainty=width, change=both, beyond=one.beyond),
+                ]
+    return [*found, one]
 
 
 def of_no_effect(change: Change, one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
@@ -217,7 +253,7 @@ def change_enclosed(walk: Walk, here: P, there: P) -> tuple[P, P, float]:
     """The first change of itinerary, enclosed between two points, and their distance as a part of the chord."""
     low, high, left, right = 0.0, 1.0, here, there
     length = np.linalg.norm(there.u - here.u)
-    while (high - low) * length > _BRACKET * (1 + np.abs(here.u).max()):
+    while (high - low) * length > BRACKET * (1 + np.abs(here.u).max()):
         middle = 0.5 * (low + high)
         if middle in (low, high):
             break
@@ -236,7 +272,7 @@ def _cornered(
     """The points about a change, nearer where their gap tells of a corner; half the width of the bracket."""
     width = part * abs(there.u[-1] - here.u[-1])
     gap = float(np.linalg.norm(right.u - left.u))
-    if gap > 1e3 * _BRACKET * (1 + np.abs(here.u).max()):
+    if gap > 1e3 * BRACKET * (1 + np.abs(here.u).max()):
         # At a corner both sides lead to it, each along its own tangent.
         left = _last(walk, left, left.tangent, 4 * gap)
         back = right.tangent if right.tangent @ (left.u - right.u) > 0 else -right.tangent
@@ -248,7 +284,7 @@ def _cornered(
 def _last(walk: Walk, point: Point, way: np.ndarray, length: float) -> Point:
     """The last point of the same itinerary on the way along a tangent."""
     first, low, high = point, 0.0, length
-    while high - low > _BRACKET * (1 + np.abs(point.u).max()):
+    while high - low > BRACKET * (1 + np.abs(point.u).max()):
         middle = 0.5 * (low + high)
         if middle in (low, high):
             break
@@ -280,21 +316,28 @@ def _smooth_all(walk: Walk, here: Point, there: Point, depth: int = 0) -> list[B
     Two zeros of one test have no change of sign between them, and near a branch point Newton's method may fail: then
     more multipliers come to lie outside of the unit circle than what was found explains.
     """
-    found = _smooth(walk, here, there)
+    found, earned = _smooth(walk, here, there)
     outside = [_outside(point.orbit) for point in (here, there)]
     if None in outside:
+        explained = True
+    else:
+        off = abs(outside[1] - outside[0]) - sum(2 if one.kind == "torus" else 1 for one in found)  # type: ignore[operator]
+        explained = off <= 0 and off % 2 == 0
+    if earned and explained and here.tangent @ there.tangent > _SHARP:
         return found
-    change = abs(outside[1] - outside[0])  # type: ignore[operator]
-    explained = sum(2 if one.kind == "torus" else 1 for one in found)
-    if change <= explained and (change - explained) % 2 == 0:
+    if (border := border_between(walk, here, there)) is not None:
+        left, right = border
+        before, behind = (_smooth(walk, *ends)[0] for ends in ((here, left), (right, there)))
+        return [*before, _at_border(walk, left, right), *behind]
+    if explained:
         return found
     # A chord's middle may be the branch point itself, where Newton's method fails.
     parts = (walk.along(here, there, part, here) for part in (0.5, 0.4))
     middle = next((point for point in parts if point is not None), None)
-    if depth == _HALVINGS or middle is None or not same_itinerary(here.orbit, middle.orbit):
-        return found or [_unnamed(walk, here, there, here)]
+    if depth >= _HALVINGS or middle is None or not same_itinerary(here.orbit, middle.orbit):
+        return found or _unnamed(walk, here, there, here)
     if _outside(middle.orbit) is None:
-        return found or [_unnamed(walk, here, there, middle)]
+        return found or _unnamed(walk, here, there, middle)
     return _smooth_all(walk, here, middle, depth + 1) + _smooth_all(walk, middle, there, depth + 1)
 
 
@@ -302,7 +345,7 @@ def _outside(orbit: PeriodicOrbit) -> int | None:
     """How many multipliers lie outside of the unit circle; None where one lies on it."""
     sizes = np.abs(orbit.map_multipliers)
     off = np.abs(sizes - 1).min(initial=np.inf)
-    if off < _ON_CIRCLE or off < _NEAR and any(orbit._at_rounding(root) for root in (1, -1)):
+    if off < ON_CIRCLE or off < _NEAR and any(orbit._at_rounding(root) for root in (1, -1)):
         return None
     return int(np.sum(sizes > 1))
 
@@ -313,7 +356,7 @@ def undecided(here: Point, there: Point, kind: str) -> bool:
     return any(point.orbit._at_rounding(root) for point in (here, there))
 
 
-def _unnamed(walk: Walk, here: Point, there: Point, at: Point) -> Bifurcation:
+def _unnamed(walk: Walk, here: Point, there: Point, at: Point) -> list[Bifurcation]:
     """The change of stability between two points, named by the multiplier that is nearest to the unit circle."""
     mu = at.orbit.map_multipliers
     critical = mu[np.argmin(np.abs(np.abs(mu) - 1))]
@@ -324,12 +367,17 @@ def _unnamed(walk: Walk, here: Point, there: Point, at: Point) -> Bifurcation:
     else:
         kind = "symmetry breaking" if here.orbit.symmetric else "flip"
     width = max(abs(walk.value(end) - walk.value(at)) for end in (here, there))
-    return Bifurcation(kind, walk.name, walk.value(at), width, at.orbit)
+    if not has_multiplier(at.orbit, kind):
+        return []
+    return [Bifurcation(kind, walk.name, walk.value(at), width, at.orbit)]
 
 
-def _smooth(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
-    """Bifurcations of stability between two points of one itinerary that change the sign of their tests."""
-    bifurcations = []
+def _smooth(walk: Walk, here: Point, there: Point) -> tuple[list[Bifurcation], bool]:
+    """Bifurcations of stability between two points of one itinerary that change the sign of their tests.
+
+    And whether all that change it have earned their name.
+    """
+    bifurcations, earned = [], True
     symmetric = here.orbit.symmetric
     tests = {
         "fold": lambda p: p.tangent[-1],
@@ -339,14 +387,22 @@ def _smooth(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
     }
     for kind, test in tests.items():
         a, b = test(here), test(there)
-        if not (a * b < 0) or kind not in ("fold", "torus") and undecided(here, there, kind):
+        if not (a * b < 0) or kind != "torus" and undecided(here, there, kind):
             continue
         if kind == "branch point" and here.tangent[-1] * there.tangent[-1] < 0:
             continue  # the same zero as the fold's
         point = zero_between(walk, here, there, test)
-        if point is None or (kind == "torus" and not on_circle(point.orbit.map_multipliers)):
+        if point is None or not (has_multiplier(point.orbit, kind) and crosses(walk, here, there, point, kind)):
+            earned = False
             continue
         # Multipliers and tangents are known to some 1e-10; that over the slope of the test function.
         width = 1e-10 * max(abs(walk.value(there) - walk.value(here)) / abs(b - a), 1.0)
         bifurcations.append(Bifurcation(kind, walk.name, walk.value(point), width, point.orbit))
-    return sorted(bifurcations, key=lambda b: np.linalg.norm(b.orbit.x - here.orbit.x))
+    return sorted(bifurcations, key=lambda b: np.linalg.norm(b.orbit.x - here.orbit.x)), earned
+
+
+def _at_border(walk: Walk, left: Point, right: Point) -> Bifurcation:
+    """A border that the orbit crosses without an event of its own, as in a condition that an event reads."""
+    width = max(abs(walk.value(right) - walk.value(left)), 1e-10 * walk.scale)
+    what = Change(BORDER, (), (), 0.0)
+    return Bifurcation(BORDER, walk.name, walk.value(left), width, left.orbit, what, right.orbit)

@@ -34,6 +34,7 @@ from .jumps import end_at
 __all__ = ["Bifurcation", "Branch", "branch_off", "follow"]
 
 
+_NEARER = 0.75  # of the distance from a bifurcation, with half of the amplitude
 _MORE = 0.5  # of the range, to either side
 _COUNTED = 2**62  # steps of a budget that only counts them: an orbit that is begun is ended
 
@@ -203,6 +204,7 @@ def follow(
         return follow_equilibrium(orbit, name, (begin, end), lengths, most, virtual, max_seconds)
     bound = opened(max_steps, max_seconds)
     branch, walk = Branch(name, [orbit]), Walk(orbit, name, abs(end - begin))
+    walk.until = bound
     with within(Budget(_COUNTED)) as counted:
         branch.end = followed(
             branch, walk, begin, end, lengths, most,
@@ -239,16 +241,13 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
     looked_at: Point | None = None  # whose segments are those that it asks for
     while len(branch.orbits) < most:
         if used_up():
-            return (
-                f"`max_steps` or `max_seconds` are used up at {name} = {walk.value(here):.10g}: give more, or go on "
-                "from `orbits[-1]`."
-            )
+            return _used_up(walk, here)
         if not here.alone:
             return (
                 f"at {name} = {walk.value(here):.10g} the orbit is not isolated: many exist at one value, or "
                 "two branches meet there, and no single way leads on."
             )
-        there = walk.step(here, ds)
+        there, turned = walk.step(here, ds), False
         if there is None:
             if here is not looked_at and (other := walk.cut(here)) is not None:
                 here = looked_at = other
@@ -257,9 +256,9 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
             if ds > shortest_step:
                 ds *= 0.3
                 continue
-            there = walk.turn(here, ds)
+            there, turned = walk.turn(here, ds), True
             if there is None:
-                return _ended(branch, walk, here, ds)
+                return _used_up(walk, here) if used_up() else _ended(branch, walk, here, ds)
         past = _passed(there, here, walk, begin, end)
         if past is not None:
             bound, reach = walk.at_parameter(here, past, there), np.linalg.norm(there.u - here.u)
@@ -273,6 +272,8 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
         if broken := not_repeated(there.orbit):
             return f"at {name} = {walk.value(there):.10g} there is {broken}"
         found = bifurcations_between(walk, here, there)
+        if turned and not any(b.change is not None for b in found):
+            return _ended(branch, walk, here, ds)  # it has turned back without a corner
         if any(b.kind == JUMP for b in found):
             # The step has come to another branch: a shorter one keeps to this one, or finds its end.
             if ds > shortest_step:
@@ -282,9 +283,16 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
         shorter = collapse_between(walk, here, there, found)
         if shorter is not None:
             count, ends = shorter
+            if not ends and ds > shortest_step:
+                ds *= 0.3
+                continue
+            if (
+                not ends
+            ):  # the step leads elsewhere: to the same orbits some periods later, or to another branch
+                return _ended(branch, walk, here, ds)
             branch.bifurcations += ends
             branch.places += [len(branch.orbits)] * len(ends)
-            return _collapse_in_words(walk, here, there, count, ends)
+            return _collapse_in_words(walk, count, ends)
         there = _away(walk, here, there, found)
         branch.bifurcations += found
         branch.places += [len(branch.orbits)] * len(found)
@@ -301,6 +309,13 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
     return f"stopped after {len(branch.orbits)} orbits (`most`)."
 
 
+def _used_up(walk: Walk, here: Point) -> str:
+    return (
+        f"`max_steps` or `max_seconds` are used up at {walk.name} = {walk.value(here):.10g}: give more, or go on from "
+        "`orbits[-1]`."
+    )
+
+
 def _tried(low: float, high: float) -> tuple[float, float]:
     """Where orbits are looked for: somewhat beyond the ends, but not near to 0, where a drive's period has no end."""
     more = _MORE * (high - low)
@@ -315,9 +330,11 @@ def _ended(branch: Branch, walk: Walk, here: Point, ds: float) -> str:
     found = end_at(walk, here, 100 * ds * walk.scale)
     if found is None:
         return walk.why_ended(here, ds)
-    last = Bifurcation(*found)
+    last = Bifurcation(*found[:6], saddles=found.saddles)
     branch.bifurcations.append(last)
     branch.places.append(len(branch.orbits))
+    if last.saddles:
+        return f"{last.kind} at {walk.name} = {last.parameter:.10g}: {last.at_saddles}."
     return (
         f"{last.kind} at {walk.name} = {last.parameter:.10g}: no orbit was found beyond it. `follow_curve` follows it "
         "over two parameters."
@@ -336,11 +353,8 @@ def _away(walk: Walk, here: Point, there: Point, found: list[Bifurcation]) -> Po
     return replace(there, tangent=-there.tangent) if way @ there.tangent < 0 else there
 
 
-def _collapse_in_words(walk: Walk, here: Point, there: Point, count: int, ends: list[Bifurcation]) -> str:
+def _collapse_in_words(walk: Walk, count: int, ends: list[Bifurcation]) -> str:
     orbits = f"the orbits of {walk.map.count} applications of the map shrink onto one of {count}"
-    if not ends:
-        low, high = sorted(walk.value(point) for point in (here, there))
-        return f"{orbits} between {walk.name} = {low:.10g} and {high:.10g}."
     kinds = " and ".join(f"{b.kind} at {b.name} = {b.parameter:.10g}" for b in ends)
     return f"{orbits}: {kinds} of that one, which `bifurcations[-1].orbit` is."
 
@@ -409,6 +423,8 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
     if point is None:
         return none_found(doubled.map, old.x, f"no orbit was found on the branch at this distance: {lost}")
     orbit = point.orbit
+    if not _leaves(walk, bifurcation, np.append(x / walk.weight, bifurcation.parameter), point, normal):
+        return replace(orbit, success=False, message=f"found was an orbit far from the bifurcation: {lost}")
     if beside:
         return orbit
     if orbit.segments is None:
@@ -419,6 +435,24 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
     if np.linalg.norm(once - orbit.x) <= SAME * (1 + np.linalg.norm(orbit.x)):
         return replace(orbit, success=False, message=f"found was an orbit of the branch's own stem: {lost}")
     return orbit
+
+
+def _leaves(walk: Walk, bifurcation: Bifurcation, first: np.ndarray, point: Point, normal: np.ndarray) -> bool:
+    """Whether the branch comes from the bifurcation to a point without another bifurcation on the way.
+
+    With half of the amplitude it is nearer by half. The critical multiplier leaves 1 as the square of the amplitude,
+    and has not come as far as 0.
+    """
+    for _ in range(2):
+        half = walk.correct(first + 0.5 * (point.u - first), normal, normal)
+        if half is None:
+            return False
+        off, nearer = (float(np.linalg.norm(p.u - first)) for p in (point, half))
+        moved, less = (abs(walk.value(p) - bifurcation.parameter) for p in (point, half))
+        if nearer > _NEARER * off or less > _NEARER * moved + 2 * bifurcation.uncertainty:
+            return False
+        point = half
+    return bool(np.abs(point.orbit.map_multipliers - 1).min(initial=np.inf) < 1 / 16)
 
 
 def _critical(old: PeriodicOrbit) -> tuple[PeriodicOrbit, np.ndarray, np.ndarray]:

@@ -1,9 +1,10 @@
-"""Where the Poincare map jumps, so that a branch ends: what is just captured there, just let go, or just touched.
+"""Where a branch ends: the Poincare map jumps, or a saddle is met.
 
     capture           an arrival is just held, or just not                    captures.py
     adding-sliding    a stick of a hidden term could just hold no more        holding.py, windows.py
                       or is just let go                                       impacts.py
     grazing           a stop, an event or static friction is just touched, where the branch finds no orbit beyond
+    homoclinic orbit  the motion comes to rest at a saddle on its way         homoclinic.py
 
 Chain: arclength.py, captures.py, recutting.py -> **jumps** -> bifurcations.py, continuation.py.
 """
@@ -15,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..equilibria.equilibrium import Equilibrium
 from ..maps.holding import not_held, strength_of
 from ..maps.impacts import from_release
 from ..maps.parts import minima
@@ -25,6 +27,7 @@ from ..orbits.periodic_orbit import PeriodicOrbit
 from ..orbits.recutting import touched
 from .arclength import Point, Walk
 from .conditions.captures import CAPTURE, at_threshold, clearances
+from .homoclinic import HETEROCLINIC, HOMOCLINIC, saddles_met
 
 ADDING = "adding-sliding"
 # Of the parameter: in which a jump is enclosed, and to which the layer is resolved.
@@ -34,7 +37,7 @@ _GRAZED = 1e-4  # in the unit of h: so near the last orbit of a branch comes, wi
 
 
 class Jump(NamedTuple):
-    """What a Bifurcation begins with."""
+    """What a Bifurcation begins with, and the saddles that are met there."""
 
     kind: str
     name: str
@@ -42,6 +45,7 @@ class Jump(NamedTuple):
     uncertainty: float
     orbit: PeriodicOrbit
     change: Change | None = None
+    saddles: tuple[Equilibrium, ...] = ()
 
 
 def jump_between(walk: Walk, left: Point, right: Point) -> Jump | None:
@@ -110,7 +114,10 @@ def let_go(orbit: PeriodicOrbit, within: float) -> Change | None:
 
 
 def end_at(walk: Walk, here: Point, width: float) -> Jump | None:
-    """What a branch ends at where the map jumps: a capture, the grazing of a stop or of an event."""
+    """What a branch ends at: a capture, the grazing of a stop or of an event, where the map jumps, or a saddle."""
+    if saddles := saddles_met(here.orbit):
+        kind = HOMOCLINIC if len(saddles) == 1 else HETEROCLINIC
+        return Jump(kind, walk.name, walk.value(here), width, here.orbit, None, tuple(saddles))
     if at_threshold(here.orbit):
         return Jump(CAPTURE, walk.name, walk.value(here), width, here.orbit)
     for ends in (parted, let_go):

@@ -24,10 +24,10 @@ from ...paths.budget import MOST_STEPS, Budget, opened, within
 from ..equilibria.equilibrium import Equilibrium
 from ..maps.impacts import FromEvent
 from ..orbits.periodic_orbit import PeriodicOrbit
-from .bifurcations import Bifurcation
+from .bifurcations import BORDER, Bifurcation
 from .codimension import Codimension2, Lead
 from .conditions.conditions import Condition
-from .curves.starts import BORDER, FOLLOWED, condition_of, given
+from .curves.starts import FOLLOWED, condition_of, given
 from .curves.walk import CurveWalk, Spot, where
 from .curves.ways import Way
 from .equilibria import curves as equilibrium_curves

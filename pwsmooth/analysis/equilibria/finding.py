@@ -20,7 +20,7 @@ import numpy as np
 
 from ...door import checks
 from .equilibrium import Equilibrium, made
-from .modes import autonomous, beside_exact, fits, modes, same, set_ending_at
+from .modes import autonomous, beside_exact, fits, modes, same, set_ending_at, without_idle
 from .statics import MOST_NEWTON, RANK, ROUNDING, Sides, Statics, beyond, free_directions, newton
 
 __all__ = ["equilibria", "find_equilibrium"]
@@ -105,6 +105,7 @@ def equilibria(
         for e in _of_mode(Statics(system, mode, memories, unit=unit), low, high, starts, virtual, seeds):
             if not any(same(one, e, unit) for one in found):
                 found.append(e)
+    found = without_idle(found)
     found = [e for e in found if set_ending_at(e, found) is None]
     return sorted(found, key=lambda e: (bool(e.virtual), e.held != (), *e.x, *e.mult))
 
@@ -264,7 +265,8 @@ def find_equilibrium(system: Any, x0: Any, *, sides: Any = None, virtual: bool =
             tried(mode)
     else:
         _pivoted(system, start, options, tried)
-    every = [e for *_, e in found]
+    every = without_idle([e for *_, e in found])
+    found = [one for one in found if any(one[-1] is e for e in every)]
     found = [(far, off, set_ending_at(e, every) or e) for far, off, e in found]
     order = sorted(found, key=lambda one: (one[0], one[1], not one[2].stable, np.abs(one[2].mult).sum()))
     admissible = [e for *_, e in order if e.admissible]

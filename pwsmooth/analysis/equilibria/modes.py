@@ -17,7 +17,7 @@ from ..maps.sections import depends_on_time
 from .disc_modes import idle, in_mode, places
 from .equilibrium import Equilibrium, made
 from .stability import sigmoid_inverse
-from .statics import ROUNDING, Statics
+from .statics import RANK, ROUNDING, Statics
 
 SAME = 1e-7  # relative: nearer together two solutions are one (double ones come as near as 1e-8)
 
@@ -83,6 +83,19 @@ def fits(system: Any, x: np.ndarray) -> bool:
     """Whether the states have the properties that their symbols are declared to have, to rounding."""
     values = zip(system.model.states, x.tolist())
     return all(checks.fits(s, value) or checks.is_zero_of(s, value) for s, value in values)
+
+
+def without_idle(found: list[Equilibrium]) -> list[Equilibrium]:
+    """Of a point at which the fields of both sides vanish one side alone: what is held there does nothing."""
+    dropped: list[Equilibrium] = []
+    for e in found:
+        own = len(e.x) - e.system.model.n_memory
+        if e.isolated or np.any(np.abs(e.free_directions[:, :own]) > RANK):
+            continue
+        sides = [one for one in found if one.isolated and one.border]
+        sides = [one for one in sides if np.all(np.abs(one.x - e.x) <= SAME * (1 + np.abs(e.x)))]
+        dropped += [e, *sides[1:]] if sides else []
+    return [e for e in found if not any(e is one for one in dropped)]
 
 
 def set_ending_at(e: Equilibrium, found: list[Equilibrium]) -> Equilibrium | None:

@@ -34,6 +34,7 @@ _ON_SURFACE = 1e-9  # of h, lambda and reactions, relative: nearer than this it 
 _ROUNDING = 1e-12  # to which a state at 0 is known, in its unit
 _EIGENVALUE = 1e-9  # relative to the largest: nearer to the imaginary axis nothing is decided
 _MOST_STATES = 12  # of a Lyapunov coefficient: third derivatives are n**4/6 expressions
+_CANCELLED = 1e-9  # of a Lyapunov coefficient's terms: a Hopf point is known to some 1e-10
 _SAME_SLOPE = 1e-9  # of Jacobians on both sides of a kink
 _ASIDE = 1e-10  # how far beside a point that has no derivative it is asked for
 
@@ -42,17 +43,19 @@ _ASIDE = 1e-10  # how far beside a point that has no derivative it is asked for
 class Linear:
     """The linear part at an equilibrium: `matrix` (d, d) on the basis `along` (n, d), and the `layer`'s (k, k).
 
-    `undecided` says why eigenvalues do not decide; it is empty where they do.
+    `undecided` says why eigenvalues do not decide; it is empty where they do. On a kink `joined` are the rates of the
+    motion on both of its sides together, in the place of eigenvalues.
     """
 
     matrix: np.ndarray
     along: np.ndarray
     layer: np.ndarray
     undecided: str
+    joined: np.ndarray | None = None
 
     @functools.cached_property
     def eigenvalues(self) -> np.ndarray:
-        return _eigenvalues(self.matrix)
+        return _eigenvalues(self.matrix) if self.joined is None else self.joined
 
     @functools.cached_property
     def layer_eigenvalues(self) -> np.ndarray:
@@ -87,6 +90,9 @@ def linear_at(system: Any, x: np.ndarray, mult: np.ndarray, sides: tuple[int, ..
     own = {j: [j] for j in kinks} | {j: parts for j, parts in places(model) if j in kinks}
     J = [j for j in J if not any(j == kink or j in parts for kink, parts in own.items())]
     matrix, along = _on_manifold(line, x, mult, p, n, J)
+    joined = _joined(line, x, mult, p, n, met[0]) if len(met) == 1 and not J else None
+    if joined is not None:
+        return Linear(matrix, along, _layer(line, x, mult, p, sides, J), "", joined)
     if not (np.isfinite(matrix).all() or np.isfinite(line.blocks(*_point(x, mult), p).f_w).all()):
         # The tip of a cone |v|, which has no derivative.
         around = [_on_manifold(line, x + np.pad(step, (0, len(x) - n)), mult, p, n, J) for step in beside(8, n)]
@@ -128,6 +134,44 @@ def _in_its_mode(
 ) -> tuple[Linearised, np.ndarray, np.ndarray]:
     line, p = linearise(in_mode(system.model, sides)), np.array(system.parameter_values, float)
     return line, completed(line, sides, x[:, None], mult[:, None], p)[:, 0], p
+
+
+def _joined(
+    line: Linearised, x: np.ndarray, mult: np.ndarray, p: np.ndarray, n: int, j: int
+) -> np.ndarray | None:
+    """Rates of the motion near a point of the surface h_j = 0 at which the fields of both sides vanish.
+
+    On a ray that stays on its side its eigenvalue. Without such rays the motion turns: in half a turn of a focus
+    a +- i w it grows by exp(pi a/w), and the rates are those of both halves together. None of more than two states, and
+    where it may slide.
+    """
+    if n > 2 or line.model.multipliers[j].kind != "switch":
+        return None
+    slopes = []
+    for side in (1, -1):
+        there = mult.copy()
+        there[j] = side
+        blocks = line.blocks(*_point(x, there), p)
+        F, A = blocks.f[0][:n], blocks.f_w[0][:n, :n]
+        rounding = np.abs(A) @ (_ON_SURFACE * np.abs(x[:n]) + _ROUNDING)
+        if not (np.isfinite(A).all() and np.all(np.abs(F) <= rounding)):
+            return None
+        slopes.append(A)
+    if not _differ(*slopes):
+        return None
+    if n == 2:
+        C = line.gradient(line.model.multipliers[j].surface, 0.0, x, mult, p)[0][:n]
+        along = np.array([-C[1], C[0]])
+        a, b = (float(C @ A @ along) for A in slopes)
+        if not a * b > 0 or min(abs(a), abs(b)) <= _SAME_SLOPE * (C @ C) * np.abs(slopes).max():
+            return None
+    pairs = [np.linalg.eigvals(A).astype(complex) for A in slopes]
+    rays = [rate for pair in pairs for rate in pair if np.abs(pair.imag).max() == 0]
+    if rays:
+        return np.array(sorted(rays, key=lambda rate: -rate.real))
+    halves = [math.pi / np.abs(pair.imag).max() for pair in pairs]
+    rate = sum(half * pair[0].real for half, pair in zip(halves, pairs)) / sum(halves)
+    return rate + 2j * math.pi / sum(halves) * np.array([1, -1])
 
 
 def _differ(slope: np.ndarray, matrix: np.ndarray) -> bool:
@@ -297,6 +341,8 @@ def sigmoid_inverse(name: str) -> Any:
 def lyapunov_coefficient(system: Any, x: np.ndarray, mult: np.ndarray, sides: tuple[int, ...]) -> float | None:
     """First Lyapunov coefficient at a Hopf point of a smooth mode; None where unknowns are solved or states are many.
 
+    Exactly 0 where its terms cancel to what an error of the point leaves of them.
+
     With A q = i w q, A' p = -i w p, <q, q> = <p, q> = 1 and the derivatives B, C of second and third order of the rates
 
         l1 = Re(<p, C(q, q, q*)> - 2 <p, B(q, A**-1 B(q, q*))> + <p, B(q*, (2 i w - A)**-1 B(q, q))>)/(2 w)
@@ -327,7 +373,9 @@ def lyapunov_coefficient(system: Any, x: np.ndarray, mult: np.ndarray, sides: tu
     cubic = np.einsum("ijkl,j,k,l->i", C3, q, q, q.conj())
     one = B(q, np.linalg.solve(A, B(q, q.conj())))
     two = B(q.conj(), np.linalg.solve(2j * w * np.eye(n) - A, B(q, q)))
-    return float((np.vdot(p, cubic) - 2 * np.vdot(p, one) + np.vdot(p, two)).real / (2 * w))
+    terms = np.array([np.vdot(p, cubic), -2 * np.vdot(p, one), np.vdot(p, two)]) / (2 * w)
+    total = float(terms.sum().real)
+    return total if abs(total) > _CANCELLED * np.abs(terms).sum() else 0.0
 
 
 @functools.lru_cache(maxsize=16)

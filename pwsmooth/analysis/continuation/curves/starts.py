@@ -17,7 +17,7 @@ from ...maps.windows import PartedImage, Windowed
 from ...orbits.itineraries import CHATTER, Change
 from ...orbits.periodic_orbit import PeriodicOrbit
 from ...orbits.recutting import Cut, of_orbit, touched
-from ..bifurcations import Bifurcation
+from ..bifurcations import BORDER, Bifurcation
 from ..codimension import Codimension2, Lead
 from ..conditions.captures import CAPTURE, capture_cut, condition_at
 from ..conditions.chatter import EndOfChatter, accumulates, chatter_cut
@@ -25,7 +25,6 @@ from ..conditions.conditions import BranchPoint, Condition, Critical, Torus
 from ..conditions.tangencies import TOGETHER, Arrival, Border, Exit, LetGo, Touch
 from ..jumps import ADDING
 
-BORDER = "border collision"
 TOUCHES = ("grazing impact", "grazing", "grazing-sliding", "grazing of an event", "adding-sliding")
 EXITS = ("exit by a fold",)
 ARRIVALS = ("crossing-sliding", "switching-sliding")

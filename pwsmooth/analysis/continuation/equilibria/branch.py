@@ -48,7 +48,8 @@ class EquilibriumBifurcation:
         Of a Hopf point; nan for others.
     lyapunov : float or None
         First Lyapunov coefficient of a Hopf point of a smooth mode, in the units of the states: negative where the
-        cycles are stable in their plane. None where it is not computed (on a sliding surface).
+        cycles are stable in their plane, 0 where the Hopf point is degenerate, as in a linear mode. None where it is
+        not computed (on a sliding surface).
     cycle : str or None
         Of a boundary equilibrium: "attracting" or "repelling" where a cycle around a focus is born too, which slides on
         the surface; "" where none is. None where that is not decided: it is for two states and one switch without
@@ -81,8 +82,8 @@ class EquilibriumBifurcation:
         if math.isfinite(self.frequency):
             text += f", frequency {self.frequency:.9g}"
         if self.lyapunov is not None:
-            criticality = "super" if self.lyapunov < 0 else "sub"
-            text += f", first Lyapunov coefficient {self.lyapunov:.6g} ({criticality}critical)"
+            kinds = {-1: "supercritical", 0: "degenerate: linear to third order", 1: "subcritical"}
+            text += f", first Lyapunov coefficient {self.lyapunov:.6g} ({kinds[int(np.sign(self.lyapunov))]})"
         if self.cycle is not None:
             text += (
                 f", with {'an' if self.cycle[0] == 'a' else 'a'} {self.cycle} cycle"

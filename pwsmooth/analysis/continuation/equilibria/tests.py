@@ -60,6 +60,9 @@ def _named(walk: Walk, kind: str, here: Point, point: Point, width: float) -> Eq
         w = _critical(e.eigenvalues)
         if w is None:
             return None  # a neutral saddle: two real eigenvalues of opposite sign
+        if e.linear.joined is not None:
+            what = "half a turn on either side of the kink multiplies to 1"
+            return replace(made_, kind="Hopf", frequency=w, what=what)
         kind = "sliding Hopf" if "pseudo" in e.kind else "Hopf"
         l1 = lyapunov_coefficient(e.system, e.x, e.mult, e.sides)
         return replace(made_, kind=kind, frequency=w, lyapunov=l1)
