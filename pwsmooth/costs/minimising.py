@@ -31,12 +31,21 @@ from .telling import telling
 
 _BESIDE = 1e-7  # where the point lies that stands in for one without a derivative, in coordinates of size 1
 _LEGS = 4  # at most so many searches, each from the best point of the one before
+_SOLD = 10  # cost that a failing constraint buys, in units of the slopes of both
+_ASIDE, _WAYS = 1e-3, 4  # how far, in coordinates of size 1, and in how many directions a minimum is looked at
+_NEAR = 1e-5  # of a size: nearer to it a bound or constraint is active
+_DEPENDENT = 1e-8  # of a constraint's slope: what is left of it beside the others, and less, is none
 _STATIONARY = (
     1e-5  # slope that is left, of the first one, from which on a point that SciPy cannot leave is a minimum
 )
 _FOUND = "No direction that bounds and constraints leave lowers the cost."
 _KINK = "No step lowers the cost, whose slope is not 0: a kink, or coarse runs ({})."
 _OPEN = "The constraints do not hold: give another first guess, or constraints that can be met."
+_BLIND = "A constraint does not hold, and no unknown changes it there: give a first guess that does."
+_CONTRARY = (
+    "The constraints contradict each other there: their slopes depend on each other, and they do not hold."
+)
+_RANK = 5, 6, 7  # of SLSQP: constraints whose slopes depend on each other
 _SIGNS = {GreaterThan: 1, StrictGreaterThan: 1, LessThan: -1, StrictLessThan: -1, sp.Eq: 0}
 
 
@@ -139,7 +148,8 @@ def minimise(
             )
     spent = _Budget(max_evaluations, max_seconds)
     with telling(progress, callback, _words) as told:
-        search = _Search(objective, q, box, [sign for *_, sign in relations], spent, told)
+        signs = [sign for *_, sign in relations]
+        search = _Search(objective, q, box, signs, _like(system, names), spent, told)
         chosen = method or ("SLSQP" if relations or rows else "L-BFGS-B")
         best, success, message = search.run(chosen, rows, float(options.get("rtol", 1e-9)))
     values = dict(zip(names, (best.z * search.unit).tolist()))
@@ -315,17 +325,17 @@ class _Search:
 
     def __init__(
         self, objective: Objective, q: np.ndarray, box: Sequence[tuple[float, float]], signs: Sequence[int],
-        budget: _Budget, told: Callable[[Evaluation], None],
+        like: list[list[int]], budget: _Budget, told: Callable[[Evaluation], None],
     ) -> None:  # fmt: skip
         low, high = np.array(box).T
         self.objective, self.budget, self.told = objective, budget, told
-        self.unit = _units(q, low, high)
+        self.unit = _units(q, low, high, like)
         self.low, self.high, self.signs = low / self.unit, high / self.unit, np.array(signs, int)
         self.history: list[Evaluation] = []
         self.problem: NoDerivative | None = None
         self.refused = 0
         self.known: dict[bytes, _Point] = {}
-        self.sizes = np.ones(len(signs))
+        self.sizes, self.unmeasured = np.ones(len(signs)), np.ones(len(signs), bool)
         self.first = np.clip(q / self.unit, self.low, self.high)
         self.last: Any = None
         self.best: Any = None
@@ -340,11 +350,18 @@ class _Search:
             )
         slope = float(np.abs(point.gradient).max())
         self.scale = max(slope, 1e-3 * abs(point.cost)) or 1.0
-        steepest = np.abs(point.slopes).max(axis=1, initial=0.0)
-        self.sizes = np.where(steepest > 0, steepest, 1.0)
+        self._measure(point)
         point = point._replace(misses=self._misses(point.margins))
         self.last = self.best = self.known[self.first.tobytes()] = self.known[point.z.tobytes()] = point
         self.history[-1] = self.history[-1]._replace(violation=float(point.misses.max(initial=0.0)))
+
+    def _measure(self, point: _Point) -> None:
+        """Sizes of constraints by their first slopes; one without a slope, as of a body that sticks, has none yet."""
+        steepest = np.abs(point.slopes).max(axis=1, initial=0.0)
+        new = self.unmeasured & (steepest > 0)
+        self.sizes[new], self.unmeasured = steepest[new], self.unmeasured & ~new
+        if new.any() and self.best is not None:
+            self.best = self.best._replace(misses=self._misses(self.best.margins))
 
     def _misses(self, margins: np.ndarray) -> np.ndarray:
         miss = np.where(self.signs == 0, np.abs(margins), np.fmax(-self.signs * margins, 0.0))
@@ -359,6 +376,9 @@ class _Search:
                 self.refused += 1
                 point = self._run(self._beside(z)) or self._bowl(z)
             if point.real:
+                if self.last is not None and self.unmeasured.any():
+                    self._measure(point)
+                    point = point._replace(misses=self._misses(point.margins))
                 self.last = point
                 self.known[point.z.tobytes()] = point
                 if self.best is None or point.rank < self.best.rank:
@@ -415,20 +435,33 @@ class _Search:
         success, message = False, ""
         try:
             self._begin()
+            start = self.best
             for leg in range(_LEGS):
                 begun = self.best
-                found = self._leg(method, rows, rtol, begun.z, leg)
+                found = self._leg(method, rows, rtol, start, leg)
                 end = self.at(found.x)
-                if end.real and not end.rank[0] and end.cost <= self.best.cost + rtol * self.scale:
+                # Costs of points at which constraints hold are known to what these may fail by.
+                if (
+                    end.real
+                    and not end.rank[0]
+                    and end.cost <= self.best.cost + (rtol + _SOLD * HELD) * self.scale
+                ):
                     self.best = end
                 here = self.best
                 met = not here.rank[0]
                 # trust-constr also calls it a success that its region has shrunk, or its barrier not yet.
                 sure = bool(found.success) and here is end and method != "trust-constr"
                 success = met and (sure or self._slope(here, rows) <= _STATIONARY)
-                if success or here.rank >= begun.rank:
+                stuck = here.rank >= begun.rank
+                if stuck and method == "SLSQP" and found.status in _RANK and not success:
+                    method = "trust-constr"  # it does without the rank
+                elif success and (aside := self._aside(here, rows)) is not None and leg < _LEGS - 1:
+                    start, success = aside, False
+                    continue
+                elif success or stuck:
                     break
-            message = _FOUND if success else _KINK.format(found.message) if met else _OPEN
+                start = self.best
+            message = _FOUND if success else _KINK.format(found.message) if met else self._open(here)
         except _Enough as error:
             message = str(error)
         except KeyboardInterrupt:
@@ -437,7 +470,61 @@ class _Search:
             message = "Interrupted: this is the best point until then."
         return self.best, success, message
 
-    def _leg(self, method: str, rows: Any, rtol: float, z: np.ndarray, leg: int) -> Any:
+    def _aside(self, point: _Point, rows: Any) -> _Point | None:
+        """A point beside a minimum that is better, by its cost and what constraints that fail there would cost; None if
+        there is none. Runs, not slopes, say so: a slope knows nothing of the other side of a kink.
+        """
+        A, pushes = self._pushes(point, rows)
+        free = _across(A.T)
+        price = 2 * self.scale * max(1.0, float(np.abs(pushes).max(initial=0.0)))
+        ways = [*(np.random.default_rng(0).normal(size=(min(_WAYS, len(free)), len(free))) @ free)]
+        # Through a constraint that only seems to be in the way: v >= 0 of a body that stops.
+        first, last = (
+            A.shape[1] - np.sum(self.signs == 0) - self._near(point).sum(),
+            A.shape[1] - np.sum(self.signs == 0),
+        )
+        for k in range(first, last):
+            others = _across(np.delete(A, k, axis=1).T)
+            ways.append(-others.T @ (others @ A[:, k]))
+        found, least = None, point.cost + price * point.misses.sum() - HELD * self.scale
+        for way in ways:
+            if not (length := np.linalg.norm(way)) > 0:
+                continue
+            for step in (_ASIDE, -_ASIDE):
+                z = np.clip(point.z + step * way / length, self.low, self.high)
+                if any(a @ (z * self.unit) < low for a, low in rows):
+                    continue
+                there = self.at(z)
+                if there.real and (paid := there.cost + price * there.misses.sum()) < least:
+                    found, least = there, paid
+        return found
+
+    def _open(self, point: _Point) -> str:
+        """Why constraints do not hold: no unknown changes one, or those that hold leave none free, or neither."""
+        failing = point.misses > HELD
+        if (failing & ~(np.abs(point.slopes).max(axis=1, initial=0.0) > 0)).any():
+            return _BLIND
+        equal = self.signs == 0
+        rows = point.slopes[equal] / self.sizes[equal, None]
+        return _CONTRARY if failing[equal].any() and len(rows) > len(point.z) - len(_across(rows)) else _OPEN
+
+    def _felt(self, point: _Point) -> np.ndarray:
+        """The constraints that a step from a point meets: those that fail or are no equations.
+
+        Of equations that hold, as of a body that a stick has stopped, those whose slopes are not slopes of others.
+        """
+        felt, known = np.ones(len(self.signs), bool), np.zeros((0, len(point.z)))
+        for j in np.flatnonzero(self.signs == 0):
+            row = point.slopes[j] / self.sizes[j]
+            rest = row - known.T @ (known @ row)
+            rest -= known.T @ (known @ rest)
+            if (size := np.linalg.norm(rest)) > _DEPENDENT * max(float(np.linalg.norm(row)), 1.0):
+                known = np.vstack([known, rest / size])
+            elif point.misses[j] <= HELD:
+                felt[j] = False
+        return felt
+
+    def _leg(self, method: str, rows: Any, rtol: float, begun: _Point, leg: int) -> Any:
         import warnings
 
         from scipy.optimize import SR1, Bounds, LinearConstraint, NonlinearConstraint, minimize
@@ -447,7 +534,8 @@ class _Search:
         if rows:
             a, low = np.array([a for a, _ in rows]) * self.unit, np.array([low for _, low in rows])
             constraints.append(LinearConstraint(a, low, np.inf, keep_feasible=inner))
-        for own in (self.signs == 0, self.signs != 0):
+        z, felt = begun.z, self._felt(begun)
+        for own in ((self.signs == 0) & felt, self.signs != 0):
             if own.any():
                 size = (self.sizes * np.where(self.signs < 0, -1.0, 1.0))[own]
                 constraints.append(
@@ -480,30 +568,58 @@ class _Search:
                 options=fine[method] | {"maxiter": 10**6},
             )  # fmt: skip
 
-    def _slope(self, point: _Point, rows: Any) -> float:
-        """What is left of the slope once active bounds and constraints push against it (Karush, Kuhn and Tucker)."""
+    def _pushes(self, point: _Point, rows: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Gradients of what is active at a point, as columns, and their multipliers (Karush, Kuhn and Tucker)."""
         from scipy.optimize import lsq_linear
 
-        near, k = 1e-5, np.eye(len(point.z))
-        pushes = [k[point.z - self.low <= near], -k[self.high - point.z <= near]]
+        k = np.eye(len(point.z))
+        pushes = [k[point.z - self.low <= _NEAR], -k[self.high - point.z <= _NEAR]]
         pushes += [
-            (a * self.unit)[None] for a, low in rows if a @ (point.z * self.unit) - low <= near * abs(low)
+            (a * self.unit)[None] for a, low in rows if a @ (point.z * self.unit) - low <= _NEAR * abs(low)
         ]
-        one_sided = (self.signs != 0) & (np.abs(point.margins) <= near * self.sizes)
-        pushes.append((point.slopes * (self.signs / self.sizes)[:, None])[one_sided])
+        pushes.append((point.slopes * (self.signs / self.sizes)[:, None])[self._near(point)])
         lowest = [0.0] * sum(map(len, pushes))
         equal = self.signs == 0
         pushes.append((point.slopes / self.sizes[:, None])[equal])
         lowest += [-np.inf] * int(equal.sum())
-        g, A = point.gradient / self.scale, np.concatenate(pushes).T
-        return float(np.abs(g if not A.size else A @ lsq_linear(A, g, (lowest, np.inf)).x - g).max())
+        A = np.concatenate(pushes).T
+        return A, lsq_linear(A, point.gradient / self.scale, (lowest, np.inf)).x if A.size else np.empty(0)
+
+    def _near(self, point: _Point) -> np.ndarray:
+        """Which inequalities are active."""
+        return (self.signs != 0) & (np.abs(point.margins) <= _NEAR * self.sizes)
+
+    def _slope(self, point: _Point, rows: Any) -> float:
+        """What is left of the slope once active bounds and constraints push against it."""
+        A, pushes = self._pushes(point, rows)
+        return float(np.abs(A @ pushes - point.gradient / self.scale).max())
 
 
-def _units(q: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """The size of each unknown: the width of its bounds, else of its first value or of a bound."""
+def _across(rows: np.ndarray) -> np.ndarray:
+    """Directions, as rows, across all of these."""
+    if not rows.size:
+        return np.eye(rows.shape[1])
+    _, sizes, right = np.linalg.svd(rows)
+    return right[np.sum(sizes > _DEPENDENT * max(1.0, float(sizes.max()))) :]
+
+
+def _like(system: Any, names: list[str]) -> list[list[int]]:
+    """Unknowns of one kind and unit, by their places: the coefficients of a Control."""
+    found = [
+        [names.index(s.name) for s in u.coefficients if s.name in names]
+        for u in system._controls
+        if u.degree == 0
+    ]
+    return [places for places in found if places]
+
+
+def _units(q: np.ndarray, low: np.ndarray, high: np.ndarray, like: list[list[int]]) -> np.ndarray:
+    """The size of each unknown: the width of its bounds, else of its first value, of a bound, or of those `like` it."""
     width = high - low
     sizes = np.array([q, np.where(np.isfinite(low), low, 0.0), np.where(np.isfinite(high), high, 0.0)])
     largest = np.abs(sizes).max(axis=0)
+    for places in like:  # 0 is one of the values of a piecewise constant input
+        largest[places] = np.where(largest[places] > 0, largest[places], largest[places].max())
     unit = np.where(np.isfinite(width) & (width > 0), width, largest)
     return np.where(unit > 0, unit, 1.0)
 

@@ -95,7 +95,7 @@ class Minimum(Described):
     holds : dict of str to bool
         Whether each holds, up to the tolerance of the search.
     success : bool
-        Whether it is a least cost: no direction that the constraints leave lowers it.
+        Whether it is a least cost: no direction that the constraints leave lowers it, and no run beside it is better.
     message : str
         How the search ended.
     history : list of Evaluation

@@ -193,6 +193,55 @@ def test_a_first_guess_without_a_cost_is_refused():
         minimise(RELAY, event_time("sgn(x)", number=3), (0, 2), {x: -2}, ["x"])
 
 
+FIVE = [0, 1, 2, 3, 4, 5]
+MOVED = sp.Eq(final(x), 1)
+
+
+@pytest.mark.parametrize(
+    "further, begun",
+    [
+        (sp.Eq(final(v), 0), [1.5, 1.0, 0.5, 0.2, 0.0]),  # it holds at once, as the block sticks
+        (sp.Eq(final(v), 0), [1.5, 1.0, 0.5, 1.0, 1.0]),  # the block still moves at the end of the first run
+        (sp.Eq(2 * final(x / T), 2), [1.5, 1.0, 0.5, 0.2, 0.0]),  # the same again
+        (sp.Eq(integral(v / T), 1), [1.5, 1.0, 0.5, 0.2, 0.0]),
+        (final(v) <= 0, [1.5, 1.0, 0.5, 0.2, 0.0]),
+    ],
+)
+@pytest.mark.parametrize("unit", [1.0, 1e6])
+def test_a_constraint_that_others_or_a_stick_fulfil_costs_nothing(further, begun, unit):
+    # The cheapest five pieces of force for a unit length let the block stop at t = 3.53 and stay: the cost is that of
+    # the search without the second constraint. T is the unit.
+    u = Control("u", FIVE, [unit * value for value in begun])
+    system = System({x: v, v: u - T * sp.sign(v) / 2}, parameters={T: unit})
+    constraints = [sp.Eq(final(x / T), 1), further]
+    found = minimise(system, integral(u**2 / T**2), (0, 5), {x: 0, v: 0}, [u], constraints=constraints)
+    assert found.success and all(found.holds.values())
+    assert found.cost == pytest.approx(1.17748257, abs=1e-7)
+
+
+def test_constraints_that_contradict_each_other_and_those_without_a_slope_say_so():
+    u = Control("u", FIVE, [1.5, 1.0, 0.5, 0.2, 0.0])
+    both = minimise(
+        block(u), integral(u**2), (0, 5), {x: 0, v: 0}, [u], constraints=[MOVED, sp.Eq(final(x), 2)]
+    )
+    assert not both.success and "contradict each other" in both.message
+    held = Control("u", FIVE, [0.1] * 5)
+    still = minimise(block(held), integral(held**2), (0, 5), {x: 0, v: 0}, [held], constraints=[MOVED])
+    assert not still.success and "no unknown changes it" in still.message
+
+
+def test_least_time_of_a_car_with_a_turbo_is_a_success_at_its_digits():
+    # Twice the force beyond v = 10, three times with sign: 5 and 15 up to 25, coasting, and 15 and 5 down: T = 11.8.
+    # Speeding up and braking take 2 + 1 each over 10 + 17.5 each; the other 145 of 200 at 25 take 5.8.
+    u = Control("u", [0, 0.25, 0.5, 0.75, 1], [1.0, 1.0, -1.0, -1.0], movable=True)
+    car = System({x: T * v, v: T * u * (2 + sp.sign(v - 10))}, parameters={T: 12})
+    found = minimise(
+        car, T, (0, 1), {x: 0, v: 0}, [T, u], bounds={u: (-5, 5)},
+        constraints=[sp.Eq(final(x), 200), sp.Eq(final(v), 0), largest(v) <= 25],
+    )  # fmt: skip
+    assert found.success and found.cost == pytest.approx(11.8, abs=1e-7)
+
+
 def test_constraints_that_cannot_hold_are_no_success():
     found = minimise(
         RELAY, integral(x**2), (0, 2), {x: -2}, ["x"], bounds={x: (-2, -1)}, constraints=[final(x) >= 5]
