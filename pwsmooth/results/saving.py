@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import json
+import warnings
 import zipfile
 import zlib
 from dataclasses import asdict, fields
@@ -18,10 +19,12 @@ import numpy as np
 
 from ..definition import tree
 from ..system import System
+from .assembly import COLUMNS, Catalogue, Recorded
 from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome, StepPolynomials
 
 _FORMAT = "pwsmooth solution"
 _VERSION = 1
+CALLER = 4  # how far up the code stands that has called `save`: it is behind a door
 _TEXT = "solution.json"
 _DAMAGES = zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError  # as zipfile tells them
 _DENSE: dict[str, type] = {kind.__name__: kind for kind in (Dense, StepPolynomials)}
@@ -55,6 +58,16 @@ def pack(solution: Any) -> bytes:
         "noise": None if solution.noise is None else str(solution.noise),
         "dense": None,
     }
+    if (kept := solution.recorded) is not None:
+        arrays |= {"recorded_t": kept.t, **{f"recorded_x_{name}": rows for name, rows in kept.x.items()}}
+        text["recorded"] = {"elements": kept.elements, "names": list(kept.x)}
+    if (log := solution.catalogue) is not None:
+        columns = {name: getattr(log, name) for name in COLUMNS} | {
+            f"state {k}": v for k, v in log.states.items()
+        }
+        arrays |= {f"catalogue_{name}": _wide(column) for name, column in columns.items()}
+        arrays["catalogue_links"] = _wide(log._links)
+        text["catalogue"] = {"surfaces": log.surfaces, "states": list(log.states)}
     if dense is not None:
         held = {f.name: getattr(dense, f.name) for f in fields(dense)}
         arrays |= {f"dense_{name}": part for name, part in held.items() if isinstance(part, np.ndarray)}
@@ -70,8 +83,28 @@ def pack(solution: Any) -> bytes:
     return buffer.getvalue()
 
 
-def unpack(content: bytes) -> tuple[dict[str, Any], Any]:
-    """Arguments of a Solution, and its noise in words; ValueError for anything that `pack` did not give."""
+def _wide(column: Any) -> np.ndarray:
+    """A column of a catalogue, also of one on the disk, in the types of a file."""
+    array = np.asarray(column[:])
+    return array.astype(np.int64) if array.dtype.kind == "i" and array.dtype != np.int8 else array
+
+
+def warn_of_what_is_left_out(solution: Any) -> None:
+    """Names what the run was made for and no file holds."""
+    lost = {
+        "derivatives": solution.derived,
+        "statistics": solution.statistics or None,
+    }
+    if names := [name for name, part in lost.items() if part is not None]:
+        warnings.warn(
+            f"the file holds no {', '.join(names)} of this solution; keep what you need of them as arrays, "
+            "or solve again after `load`.",
+            stacklevel=CALLER,
+        )
+
+
+def unpack(content: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Arguments of a Solution and further attributes, its noise in words; ValueError for what `pack` did not give."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as file:
             # Each member is read to its end, where its checksum is compared.
@@ -87,7 +120,7 @@ def unpack(content: bytes) -> tuple[dict[str, Any], Any]:
         }
         if any(array.dtype not in (np.float64, np.int64, np.int8) for array in arrays.values()):
             raise ValueError("an array holds no numbers")
-        return _arguments(text, arrays), text["noise"]
+        return _arguments(text, arrays), {"noise": text["noise"], **_kept(text, arrays)}
     except KeyError as error:
         raise ValueError(f"it has no {error}") from None
     except (*_DAMAGES, TypeError, AttributeError, LookupError, ArithmeticError) as error:
@@ -135,6 +168,23 @@ def _arguments(text: dict[str, Any], arrays: dict[str, np.ndarray]) -> dict[str,
         "course": course,
         "backward": bool(text.get("backward", False)),
     }
+
+
+def _kept(text: dict[str, Any], arrays: dict[str, np.ndarray]) -> dict[str, Any]:
+    """What a Recorder has kept of the elements of a family, and the catalogue of their events."""
+    found: dict[str, Any] = {}
+    if of := text.get("recorded"):
+        t, elements = arrays["recorded_t"], tuple(int(number) for number in of["elements"])
+        rows = {name: arrays[f"recorded_x_{name}"] for name in of["names"]}
+        _shaped(rows, dict.fromkeys(rows, (len(elements), len(t))))
+        found["recorded"] = Recorded(t, elements, rows)
+    if of := text.get("catalogue"):
+        names = [*COLUMNS, *(f"state {name}" for name in of["states"])]
+        columns = {name: arrays[f"catalogue_{name}"].astype(COLUMNS.get(name, "f8")) for name in names}
+        _shaped(columns, dict.fromkeys(names, columns["t"].shape))
+        links = arrays["catalogue_links"].astype(np.int32)
+        found["catalogue"] = Catalogue(columns, of["surfaces"], of["states"], links)
+    return found
 
 
 def _shaped(arrays: dict[str, np.ndarray], shapes: dict[str, tuple[int, ...]]) -> None:

@@ -467,7 +467,7 @@ class Solution(Described):
         -----
         A zip of NumPy arrays and one JSON text: times, states, multipliers, events, ambiguities, outcome, parameters,
         dense output, and the system as a tree of names. `numpy.load` reads the arrays without the package. The noise of
-        a run is kept in words.
+        a run is kept in words. Derivatives, and the statistics of a `Recorder`, are not in the file; a warning says so.
 
         >>> x = sp.Symbol("x", real=True)
         >>> solution = solve(System({x: -2 * sp.sign(x)}), (0, 5), {x: 1}, dense_output=True)
@@ -477,9 +477,10 @@ class Solution(Described):
         (True, True)
         """
         from .files import write_whole
-        from .saving import pack
+        from .saving import pack, warn_of_what_is_left_out
 
         write_whole(checks.path(path, "`path`"), pack(self))
+        warn_of_what_is_left_out(self)
 
     @classmethod
     def load(cls, path: Any) -> Solution:
@@ -507,13 +508,14 @@ class Solution(Described):
         at = checks.path(path, "`path`")
         content = at.read_bytes()
         try:
-            arguments, noise = unpack(content)
+            arguments, further = unpack(content)
         except ValueError as error:
             raise ValueError(
                 f"`path` is {str(at)!r}, which is damaged, or no file that Solution.save wrote: {error}."
             ) from None
         solution = cls(**arguments)
-        solution.noise = noise
+        for name, part in further.items():
+            setattr(solution, name, part)
         return solution
 
     def to_dataset(self) -> xarray.Dataset:

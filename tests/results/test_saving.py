@@ -15,8 +15,10 @@ from pwsmooth import (
     Diffusion,
     Event,
     Family,
+    Histogram,
     Kicks,
     Memory,
+    Recorder,
     Solution,
     Switch,
     System,
@@ -278,3 +280,28 @@ def test_what_no_file_can_hold_is_refused_by_its_name_when_it_is_saved(tmp_path)
     assert not list(tmp_path.iterdir())
     with pytest.raises(FileNotFoundError):
         Solution.load(tmp_path / "none")
+
+
+def test_what_a_run_was_made_for_and_no_file_holds_is_named(tmp_path):
+    x, a = sp.symbols("x a", real=True)
+    (u,) = Family(120).symbols("u")
+    reset = Event(u - 1, direction=1, update={u: 0})
+    record = Recorder(elements=[1], statistics={"waits": Histogram("waiting", np.linspace(0, 2, 21))})
+    asked = solve(System({x: a - sp.sign(x)}, parameters={a: 0.5}), (0, 1), {x: 1}, with_respect_to=[a])
+    kept = solve(
+        System({u: 1 + 0 * u}, events=[reset]),
+        (0, 5),
+        {u: np.linspace(0, 0.9, 120)},
+        record=record,
+        t_eval=[0, 5],
+    )
+    for run, said in ((asked, "no derivatives of"), (kept, "no statistics of")):
+        with pytest.warns(UserWarning, match=said) as told:
+            run.save(tmp_path / "run.npz")
+        assert told[0].filename == __file__
+    again = Solution.load(tmp_path / "run.npz")
+    assert (again.recorded.t == [0, 5]).all() and (again.recorded["u"] == kept.recorded["u"]).all()
+    for name in ("t", "element", "surface", "kind", "came", "went"):
+        one, other = getattr(kept.catalogue, name), getattr(again.catalogue, name)
+        assert one.dtype == other.dtype and (one == other).all() and len(one) > 400
+    assert (again.catalogue.states["u"] == kept.catalogue.states["u"]).all()
