@@ -12,7 +12,8 @@ import sympy as sp
 from pwsmooth import Event, Memory, System, find_equilibrium, find_orbit, follow
 from pwsmooth.analysis.continuation import branch_off, cycle_from
 
-t, x, y, u, v = sp.symbols("t x y u v", real=True)
+t, x, y, z, u, v = sp.symbols("t x y z u v", real=True)
+p = sp.Symbol("p", positive=True)
 a, mu = sp.symbols("a mu", real=True)
 # The bracket of a change of itinerary is 1e-12 of the arc, an event is decided to some 1e-13: a thousand of these.
 LOCATED = 1e-10
@@ -114,6 +115,30 @@ def test_a_cycle_that_ends_at_a_saddle_is_a_homoclinic_orbit():
     (end,) = branch.bifurcations
     assert end.kind == "homoclinic orbit" and end.parameter == pytest.approx(6 / 7, abs=1 / 50**2)
     assert end.saddles[0].x == pytest.approx([0, 0], abs=LOCATED) and "saddle at x = 0" in branch.end
+
+
+def test_a_cycle_beside_a_strongly_unstable_direction_is_found_in_segments():
+    # The circle r^2 = mu, z = 0; its third multiplier is exp(16 pi) = 7e21.
+    r2 = x**2 + y**2
+    form = System({x: -y + x * (mu - r2), y: x + y * (mu - r2), z: 8 * z + r2 - mu}, parameters={mu: -0.2})
+    (hopf,) = follow(find_equilibrium(form, {x: 0.01, y: 0, z: 0}), mu, to=0.2).of_kind("Hopf")
+    cycle = cycle_from(hopf, 0.1)
+    assert cycle.success and cycle.period == pytest.approx(2 * math.pi, abs=1e-9)
+    assert cycle.x == pytest.approx([*cycle.x[:2], 0], abs=1e-9)
+    assert np.hypot(*cycle.x[:2]) ** 2 == pytest.approx(cycle.system.parameters[mu], abs=1e-9)
+    largest, other = cycle.multipliers.real
+    assert math.log(largest) == pytest.approx(16 * math.pi, rel=1e-6)
+    assert math.log(other) == pytest.approx(-4 * math.pi * cycle.system.parameters[mu], rel=1e-5)
+
+
+def test_a_section_may_move_with_the_parameter():
+    vdp = System({x: v, v: (1 + p / 5) * (1 - x**2) * v - x}, parameters={p: 0.2})
+    ends = []
+    for section in (x - sp.Rational(1, 5), x - p):
+        branch = follow(find_orbit(vdp, {x: 0.2, v: 2}, section=section, transient=30), p, to=0.9)
+        ends.append(branch.orbits[-1].period)
+        assert branch.values[-1] == 0.9 and len(branch.orbits) < 30
+    assert ends[0] == pytest.approx(ends[1], abs=1e-9)
 
 
 def test_a_linear_hopf_point_is_degenerate():

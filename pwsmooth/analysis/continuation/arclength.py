@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from ...paths.budget import Budget, within
 from ...results.solution import Solution
 from ..maps.poincare import Image
-from ..maps.sections import Stroboscopic
+from ..maps.sections import Section, Stroboscopic
 from ..maps.segments import Shooting, best_place, cut, pressed, restless, rotated, settled, sizes
 from ..maps.variations import chosen_parameters, moved, sticks_at_start
 from ..orbits.finding import refine
@@ -31,6 +32,7 @@ EASY = 3  # steps of Newton's method: where it takes more, it is seen whether se
 NEAR = 0.03  # of the period: an event so near to the section moves it
 _TRIAL, _FEWEST = 100, 100  # times the steps of the orbit before, and how many these are at least: of a guess
 _ALONG = 0.8  # cosine between tangents and the chord of a step
+_NEARER = 0.75  # of the distance from a bifurcation, with half of the amplitude
 JUMP_OF_SLOPES = 0.02  # of 1 or their size: slopes that so differ between points close together jump
 _MOVES = 1e-3  # of the arc: with longer steps than this an event comes so near first
 
@@ -77,10 +79,14 @@ class Walk:
     def value(self, point: Point) -> float:
         return float(point.u[-1] * self.scale)
 
-    def image(self, u: np.ndarray):
-        """F, DF (n, n + 1) and the image at u; None where the trajectory does not return or q is not allowed."""
+    def image(self, u: np.ndarray, known: bool = False):
+        """F, DF (n, n + 1) and the image at u; None where the trajectory does not return or q is not allowed.
+
+        Also where the time is up, but for a `known` orbit.
+        """
         value = float(u[-1] * self.scale)
-        if not self.bounds[0] <= value <= self.bounds[1]:
+        late = self.until is not None and self.until.late() and not known
+        if late or not self.bounds[0] <= value <= self.bounds[1]:
             return None
         try:
             here = self.map.with_parameters({self.name: value})
@@ -88,7 +94,7 @@ class Walk:
             return None
         shooting = here if self.segments is None else Shooting(here, self.segments.cuts)
         x = u[:-1] * self.weight
-        with within(self._trial()):
+        with within(Budget() if known else self._trial()):
             image = shooting.image(x, (self.name,))
         if not image.success:
             return None
@@ -112,7 +118,7 @@ class Walk:
             direction = np.concatenate(
                 [direction[: len(orbit.x)], np.zeros(len(u) - 1 - len(orbit.x)), direction[-1:]]
             )
-        equations = self.image(u)
+        equations = self.image(u, known=True)
         assert equations is not None
         tangent, alone = only_way(equations[3], direction)
         tangent[:-1][pinned(equations[1])] = 0.0
@@ -144,8 +150,21 @@ class Walk:
             u = u + step
             stays = pinned(image)
             u[:-1][stays] = image.x[stays] / self.weight
-            u = np.append(onto_section(here, u[:-1] * self.weight) / self.weight, u[-1])
+            if (there := self._moved(here, u)) is None:
+                return None
+            u = np.append(onto_section(there, u[:-1] * self.weight) / self.weight, u[-1])
         return None
+
+    def _moved(self, shooting: Any, u: np.ndarray) -> Any:
+        """The map on the section at u, which may move with the parameter; None where that is not allowed."""
+        map_: Any = self.map
+        if not (isinstance(map_, Section) and self.name in map(str, map_.surface.free_symbols)):
+            return shooting
+        try:
+            there = map_.with_parameters({self.name: float(u[-1] * self.scale)})
+        except ValueError:
+            return None
+        return there if self.segments is None else Shooting(there, self.segments.cuts)
 
     def rephased(self, here: Point) -> Point:
         """The same orbit on a section at which it slips, where its own one sticks or an event has come near to it."""
@@ -334,6 +353,23 @@ def _begun(orbit: PeriodicOrbit) -> tuple[Shooting, np.ndarray, Image] | None:
         X = np.append(X, replace(map_, count=k).image(orbit.x).x)
     image = shooting.image(X, ())
     return (shooting, X, image) if image.success else None
+
+
+def leaves(walk: Walk, begun: np.ndarray, uncertainty: float, point: Point, normal: np.ndarray) -> Point | None:
+    """The point of a branch with a quarter of a point's amplitude, if the branch comes from its beginning to that one.
+
+    With half of the amplitude a point is nearer by half, as its parameter is at least.
+    """
+    for _ in range(2):
+        half = walk.correct(begun + 0.5 * (point.u - begun), normal, normal)
+        if half is None:
+            return None
+        off, nearer = (float(np.linalg.norm(p.u - begun)) for p in (point, half))
+        moved, less = (abs(float(p.u[-1] - begun[-1])) for p in (point, half))
+        if nearer > _NEARER * off or less > _NEARER * moved + 2 * uncertainty / walk.scale:
+            return None
+        point = half
+    return point
 
 
 def slopes_apart(one: Point, other: Point) -> float:

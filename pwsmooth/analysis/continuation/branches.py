@@ -23,7 +23,7 @@ from ..maps.symmetry import repeats_in
 from ..orbits.fixed_points import SAME, not_repeated
 from ..orbits.itineraries import JUMP
 from ..orbits.periodic_orbit import PeriodicOrbit, none_found
-from .arclength import Point, Walk, value_of
+from .arclength import Point, Walk, leaves, value_of
 from .bifurcations import Bifurcation, bifurcations_between, collapse_between
 from .branch import _Along
 from .conditions.captures import CAPTURE
@@ -34,7 +34,6 @@ from .jumps import end_at
 __all__ = ["Bifurcation", "Branch", "branch_off", "follow"]
 
 
-_NEARER = 0.75  # of the distance from a bifurcation, with half of the amplitude
 _MORE = 0.5  # of the range, to either side
 _COUNTED = 2**62  # steps of a budget that only counts them: an orbit that is begun is ended
 
@@ -272,6 +271,8 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
         if broken := not_repeated(there.orbit):
             return f"at {name} = {walk.value(there):.10g} there is {broken}"
         found = bifurcations_between(walk, here, there)
+        if _late(walk):  # what was found then is not known to be complete
+            return _used_up(walk, here)
         if turned and not any(b.change is not None for b in found):
             return _ended(branch, walk, here, ds)  # it has turned back without a corner
         if any(b.kind == JUMP for b in found):
@@ -307,6 +308,10 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
         if there.orbit.segments is None and here.orbit.segments is not None:
             branch.orbits[-1] = here.orbit  # the same one, better known
     return f"stopped after {len(branch.orbits)} orbits (`most`)."
+
+
+def _late(walk: Walk) -> bool:
+    return walk.until is not None and walk.until.late()
 
 
 def _used_up(walk: Walk, here: Point) -> str:
@@ -423,7 +428,10 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
     if point is None:
         return none_found(doubled.map, old.x, f"no orbit was found on the branch at this distance: {lost}")
     orbit = point.orbit
-    if not _leaves(walk, bifurcation, np.append(x / walk.weight, bifurcation.parameter), point, normal):
+    begun = np.append(x / walk.weight, bifurcation.parameter)
+    quarter = leaves(walk, begun, bifurcation.uncertainty, point, normal)
+    # The critical multiplier leaves 1 as the square of the amplitude, and has not come as far as 0.
+    if quarter is None or not np.abs(quarter.orbit.map_multipliers - 1).min(initial=np.inf) < 1 / 16:
         return replace(orbit, success=False, message=f"found was an orbit far from the bifurcation: {lost}")
     if beside:
         return orbit
@@ -435,24 +443,6 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
     if np.linalg.norm(once - orbit.x) <= SAME * (1 + np.linalg.norm(orbit.x)):
         return replace(orbit, success=False, message=f"found was an orbit of the branch's own stem: {lost}")
     return orbit
-
-
-def _leaves(walk: Walk, bifurcation: Bifurcation, first: np.ndarray, point: Point, normal: np.ndarray) -> bool:
-    """Whether the branch comes from the bifurcation to a point without another bifurcation on the way.
-
-    With half of the amplitude it is nearer by half. The critical multiplier leaves 1 as the square of the amplitude,
-    and has not come as far as 0.
-    """
-    for _ in range(2):
-        half = walk.correct(first + 0.5 * (point.u - first), normal, normal)
-        if half is None:
-            return False
-        off, nearer = (float(np.linalg.norm(p.u - first)) for p in (point, half))
-        moved, less = (abs(walk.value(p) - bifurcation.parameter) for p in (point, half))
-        if nearer > _NEARER * off or less > _NEARER * moved + 2 * bifurcation.uncertainty:
-            return False
-        point = half
-    return bool(np.abs(point.orbit.map_multipliers - 1).min(initial=np.inf) < 1 / 16)
 
 
 def _critical(old: PeriodicOrbit) -> tuple[PeriodicOrbit, np.ndarray, np.ndarray]:

@@ -3,7 +3,8 @@
     x(t) = x0 + a Re(q exp(i w t)),   A q = i w q;   section Im <p, x - x0> = 0, rising,   A' p = -i w p
 
 Across the section the linear motion is fastest, and the amplitude a along Re q is held while Newton's method finds the
-parameter, as behind a flip (continuation.branch_off).
+parameter, as behind a flip (continuation.branch_off). Where other directions grow much within a turn, the orbit is shot
+over in segments, which begin along the ellipse.
 
 Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the eigenvectors as predictor.
 Chain: equilibrium_branch.py, arclength.py -> **hopf**.
@@ -11,6 +12,7 @@ Chain: equilibrium_branch.py, arclength.py -> **hopf**.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -18,12 +20,15 @@ import sympy as sp
 
 from ....door import calls, checks
 from ...maps.sections import LONGEST, Section, poincare_map
+from ...maps.segments import TOO_LONG, Segments
 from ...orbits.periodic_orbit import PeriodicOrbit, none_found
-from ..arclength import Walk
+from ..arclength import Walk, leaves
 from .branch import EquilibriumBifurcation
 
 __all__ = ["cycle_from"]
 
+_GROWTH = 1e2  # of deviations in a segment
+_TURNS = 0.2  # of the linear motion's period: the shortest that a cycle near by may take
 _SMALLEST = 0.5  # of the predicted distance from the equilibrium: what comes nearer is the equilibrium itself
 
 
@@ -86,22 +91,35 @@ def cycle_from(
         section = sp.Add(*(float(c) * (s - float(x)) for c, s, x in zip(p.imag, system.model.states, e.x)))
     map_ = poincare_map(system, None, section, direction, LONGEST, options)
     assert isinstance(map_, Section)
-    ahead = np.zeros(len(e.x))
     h = map_.gradient(e.x)[:own]
     # On the section, and where its function rises: h . Re(q exp(i phase)) = 0, d/dt of it > 0.
     phase = np.pi / 2 - np.angle(h @ q) if abs(h @ q) > 0 else 0.0
     phase += np.pi if (direction * (h @ (1j * q * np.exp(1j * phase))).real) < 0 else 0.0
-    ahead[:own] = (q * np.exp(1j * phase)).real
-    unit = ahead / np.linalg.norm(ahead)
-    first = PeriodicOrbit(map_, e.x, 0.0, np.full((len(e.x),) * 2, np.nan), (), 0.0, 0, True, "")
+    period = 2 * np.pi / hopf.frequency
+    grown = max(float(mu.real.max()), 0.0) * period
+    number = max(1, math.ceil(grown / math.log(_GROWTH))) if grown > math.log(TOO_LONG) else 1
+    times = period * np.arange(number) / number
+    ahead = np.zeros((number, len(e.x)))
+    ahead[:, :own] = (q * np.exp(1j * (phase + hopf.frequency * times))[:, None]).real
+    nothing = np.full((number, len(e.x), len(e.x)), np.nan)
+    pieces = Segments((tuple(times[1:].tolist()),), np.tile(e.x, (number, 1)), nothing, False, False)
+    first = PeriodicOrbit(
+        map_, e.x, 0.0, nothing[0], (), 0.0, 0, True, "", segments=pieces if number > 1 else None
+    )
     walk = Walk(first, hopf.name, 1.0)
-    normal = np.append(unit, 0.0)
-    guess = np.append(e.x + amplitude * ahead, hopf.parameter)
+    normal = np.append(ahead.ravel() / np.linalg.norm(ahead), 0.0)
+    begun = np.append(np.tile(e.x, number) / walk.weight, hopf.parameter)
+    guess = begun + np.append(amplitude * ahead.ravel() / walk.weight, 0.0)
     point = walk.correct(guess, normal, normal)
     lost = "give another `amplitude`, a smaller one as a rule, or a `section` that the cycle crosses."
     if point is None:
-        return none_found(map_, guess[:-1], f"no orbit was found at this distance from the Hopf point: {lost}")
+        return none_found(map_, e.x, f"no orbit was found at this distance from the Hopf point: {lost}")
     orbit = point.orbit
-    if np.linalg.norm(orbit.x - e.x) < _SMALLEST * amplitude * np.linalg.norm(ahead):
-        return none_found(map_, guess[:-1], f"no orbit was found but the equilibrium itself: {lost}")
+    if np.linalg.norm(orbit.x - e.x) < _SMALLEST * amplitude * np.linalg.norm(ahead[0]):
+        return none_found(map_, e.x, f"no orbit was found but the equilibrium itself: {lost}")
+    if (
+        leaves(walk, begun, hopf.uncertainty, point, normal) is None
+        or not _TURNS < orbit.period / period < 1 / _TURNS
+    ):
+        return none_found(map_, e.x, f"found was an orbit that does not come from the Hopf point: {lost}")
     return orbit
