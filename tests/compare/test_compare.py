@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import System, Unilateral
+from pwsmooth import Event, Memory, System, Unilateral
+from pwsmooth.compare.work_precision.case import case_of
 from pwsmooth.compare.work_precision.cases import CASES
 from pwsmooth.compare.work_precision.charts import best_width, envelope, plot_orders, plot_work
 from pwsmooth.compare.work_precision.measuring import work_precision
-from pwsmooth.compare.work_precision.methods import METHODS, Method, Run
+from pwsmooth.compare.work_precision.methods import METHODS, CannotDo, Method, Run
 from pwsmooth.compare.work_precision.own import inside_layers
 from pwsmooth.compare.work_precision.plain import elimination, plain
 from pwsmooth.compare.work_precision.points import Point, WorkPrecision
@@ -23,6 +24,8 @@ from pwsmooth.compare.work_precision.restarting import restarted
 from pwsmooth.compare.work_precision.rivals import statuses
 from pwsmooth.compare.work_precision.timestepping import bouncing, stepper
 from pwsmooth.scenes import Scene
+
+x, v, t = sp.symbols("x v t", real=True)
 
 
 @pytest.mark.parametrize("name", [name for name in CASES if name != "crossing"])  # as "sticking", and longer
@@ -255,3 +258,41 @@ def test_a_scene_that_begins_late_and_no_scene_are_refused():
         work_precision(late, ["event-driven"])
     with pytest.raises(TypeError, match="`scene` is 3"):
         work_precision(3, ["event-driven"])
+
+
+def scene_points(system, start, end, methods, **options):
+    return work_precision(Scene("own", system, start, (0, end)), methods, repeats=1, **options)
+
+
+def test_the_restitution_of_a_scene_is_that_of_its_contact():
+    ball = CASES["ball"]
+    scene = Scene("own", ball.system, {"y": 1.0, "v": 0.0}, (0, 3))
+    points = work_precision(scene, ["Moreau-Jean"], reference=ball.exact, repeats=1)
+    assert points[-1].error < points[0].error / 100 and points[-1].itinerary == "right"
+    e = sp.Symbol("e", positive=True)
+    for restitution, read in ((e, 0.7), (e / (1 - v / 4), math.nan)):
+        fall = System({x: v, v: -1 + Unilateral(x, restitution=restitution).reaction}, parameters={e: 0.7})
+        case = case_of(Scene("own", fall, {"x": 1.0, "v": 0.0}, (0, 2)))
+        assert case.restitution == pytest.approx(read, nan_ok=True)
+    with pytest.raises(CannotDo, match="one number for the restitution"):
+        METHODS["Moreau-Jean"].runner(case, 0.5)
+    assert CASES["relay"].restitution is None
+
+
+def test_resets_of_a_scene_are_met_by_both_references():
+    # The reset turns the slip, and what a memory adds pushes the body on; on the way back the surface is no event.
+    on = Memory("on", 1)
+    struck = System(
+        {x: v, v: -x - sp.sign(v) / 5 + on}, events=[Event(x - 1, direction=1, update={v: -v / 2, on: 1 - on})]
+    )
+    scene = Scene("own", struck, {"x": 2.9, "v": -1.0, "on": 0}, (0, 12))
+    points = work_precision(scene, ["event-driven", "DOP853, restarted"], [1e-9], repeats=1)
+    assert [p.itinerary for p in points] == ["right", "right"] and max(p.error for p in points) < 1e-8
+
+
+def test_a_smoothed_view_that_starts_in_a_stick_has_the_itinerary_of_the_scene():
+    driven = System({x: v, v: 6 * sp.sin(t) / 5 - x / 4 - sp.sign(v)}, time=t)
+    method, eps = METHODS["smoothed, algebraic"], 1e-8
+    scene = Scene("own", driven, {"x": 0.0, "v": 0.0}, (0, 6))
+    (point,) = work_precision(scene, [replace(method, settings=((eps, 1e-10),))], repeats=1)
+    assert point.itinerary == "right" and point.error < math.sqrt(eps)

@@ -171,6 +171,8 @@ def automaton(functions: Plain) -> Automaton:
         came, code = status[k], NOTHING
         if ne:
             holds, after = np.empty(ne), np.empty((ne, n))
+            level, new = np.empty(nw), np.empty(nw)
+            walls(t, x, lam, level)
             whens(t, x, lam, holds)
             updates(t, x, lam, after)
             before = x.copy()
@@ -180,9 +182,18 @@ def automaton(functions: Plain) -> Automaton:
                     for i in range(n):
                         if after[e, i] != before[i]:
                             x[i] = after[e, i]
+            if code == RESET:
+                # Walls that the reset has moved have the side on which the state is now; a wall that is crossed stays.
+                multipliers(t, x, status, lam)
+                walls(t, x, lam, new)
+                for j in range(nw):
+                    if new[j] != level[j] and new[j] != 0.0 and not (j < m and contacts[j]):
+                        status[j] = 1 if new[j] > 0.0 else -1
+                if new[k] != level[k]:
+                    return RESET
         if k >= m or kinks[k]:
             status[k] = -came
-            return max(code, CROSSING)
+            return code if k >= m else max(code, CROSSING)
         status[k] = decided(t, x, status, k)
         land(t, x, status, k)
         return max(code, STICK if status[k] == 0 else CROSSING)

@@ -8,11 +8,13 @@ Chain: scenes, plain.py, restarting.py -> **this file** -> cases.py, contract.py
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import sympy as sp
 
 from ...door import checks
 from ...scenes.scene import Scene
@@ -82,8 +84,6 @@ class Case:
         above a tenth is a wrong orbit.
     longest : float, s
         Bound on the step that a careful user gives methods whose events can be stepped over.
-    restitution : float, dimensionless, optional
-        Of the contact, if there is one.
     exact : callable, optional
         t -> exact state; without it two methods have to agree.
     counted : tuple of str
@@ -101,9 +101,18 @@ class Case:
     t_end: float
     sizes: tuple[float, ...]
     longest: float
-    restitution: float | None = None
     exact: Callable[[float], Sequence[float]] | None = None
     counted: tuple[str, ...] = KINDS
+
+    @property
+    def restitution(self) -> float | None:
+        """Of the contact, with the values of the system; None without one, nan if it depends on the impact."""
+        system = self.system._written_out()
+        given = {p: sp.Float(value) for p, value in system.parameters.items()}
+        found = {e.xreplace(given) for *_, e in system._field.contacts}
+        if not found:
+            return None
+        return float(found.pop()) if len(found) == 1 and not any(e.free_symbols for e in found) else math.nan
 
     def tolerances(self, rtol: float) -> dict[str, Any]:
         """Tolerances of a method, the absolute one a hundredth of the relative one at the states' sizes.
@@ -200,7 +209,6 @@ def case_of(
     exact: Callable[[float], Sequence[float]] | None = None,
     sizes: Sequence[float] | None = None,
     longest: float | None = None,
-    restitution: float | None = None,
     counted: Sequence[str] = KINDS,
     name: str = "",
     title: str = "",
@@ -219,8 +227,6 @@ def case_of(
         Of the states, in their units; by default the largest values on the motion.
     longest : float, s, optional
         Bound on the steps of rivals; by default a two-hundredth of the span.
-    restitution : float, dimensionless, optional
-        Of the contact, if there is one.
     counted : sequence of str
         Kinds of events that make the itinerary.
     name, title : str
@@ -251,11 +257,13 @@ def case_of(
         motion = np.abs(scene.solve((0, end)).x).max(axis=1)
         sizes = np.where(motion > 0, motion, 1.0).tolist()
     return Case(name or scene.name, title or scene.name, scene.system, start, end, tuple(sizes),
-                longest or end / 200, restitution, exact, tuple(counted))  # fmt: skip
+                longest or end / 200, exact, tuple(counted))  # fmt: skip
 
 
 def basic(kind: str) -> str:
     """Kinds of events as all methods can tell them apart; "" for those that are none to the others."""
+    if kind == "slip by reset":  # the reset says it
+        return ""
     if kind.startswith("slip"):
         return "slip"
     return kind if kind in ("crossing", "stick", "impact", "reset") else ""

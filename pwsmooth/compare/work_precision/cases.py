@@ -150,7 +150,7 @@ CASES = _Cases({
         "chain", "three blocks on a belt", chain(), (0.0, 0.1, 0.2, 0.0, 0.0, 0.0), 30.0, (1,) * 6, 0.1
     ),
     "ball": lambda: Case(
-        "ball", "falling ball, e = 0.8", ball(sp.Rational(4, 5)), (1.0, 0.0), 3.0, (1, 1), 0.05, 0.8, _ball_state(0.8)
+        "ball", "falling ball, e = 0.8", ball(sp.Rational(4, 5)), (1.0, 0.0), 3.0, (1, 1), 0.05, _ball_state(0.8)
     ),
     "lugre": lambda: case_of(
         block_on_belt(LuGre()), sizes=(1, 0.1, 1e-5), longest=0.1, t_end=12.0, name="lugre",

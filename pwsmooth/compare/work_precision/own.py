@@ -75,6 +75,10 @@ def inside_layers(functions: Any, t: np.ndarray, x: np.ndarray, eps: float) -> l
         inside = np.abs(row) < 3 * eps
         edges = np.flatnonzero(np.diff(inside.astype(int)))
         starts, stops = edges[~inside[edges]], edges[inside[edges]]
+        # A start in a stick has no speed of arrival: the largest of the run stands in for it.
+        fastest = float(np.max(np.abs(np.diff(row)) / np.diff(t), initial=0.0, where=np.diff(t) > 0))
+        if inside[0] and stops.size and (t[stops[0]] - t[0]) * fastest > 10 * 6 * eps:
+            log.append((t[stops[0]], "slip"))
         for a in starts:
             b = stops[stops > a]
             stay = (t[b[0]] if b.size else t[-1]) - t[a + 1]

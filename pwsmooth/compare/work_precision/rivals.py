@@ -70,6 +70,8 @@ def time_stepping(case: Case, share: float) -> Runner:
         raise CannotDo("the baseline has no contact beside switches")
     if functions.events:
         raise CannotDo("the baseline has no events besides switches and contacts")
+    if case.restitution is not None and np.isnan(case.restitution):
+        raise CannotDo("the baseline has one number for the restitution of a contact")
     advance = (bouncing if any(functions.contacts) else stepper)(functions)
     last = case.restitution if case.restitution is not None else 0.5
     read = impulses if case.restitution is not None else statuses
