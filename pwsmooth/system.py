@@ -147,6 +147,8 @@ class System(DescribedSystem):
     (y, v)
     """
 
+    _constraints: tuple[sp.Expr, ...] = ()  # that the motion keeps at 0, of a mechanism
+
     def __init__(
         self,
         rates=(),
@@ -217,7 +219,8 @@ class System(DescribedSystem):
         parameters : mapping of Symbol to float, in the units of the model
             Of the mechanism. Laws bring their own.
         outputs : mapping of str to Expr, optional
-            Of coordinates, their derivatives and speeds, beside "friction ...", the force or moment of each law.
+            Of coordinates, their derivatives and speeds, beside "friction ...", the force or moment of each law, and
+            "constraint 1" and so on, which are 0 but for the drift.
         **arguments
             More of a System: `events`, `algebraic`, `drives`.
 
@@ -234,7 +237,7 @@ class System(DescribedSystem):
         Notes
         -----
         A force along a velocity v adds force * dv/du to the generalized forces (partial velocities). Constraints are
-        kept by their derivatives: start on them; they drift with the tolerance.
+        kept by their derivatives: start on them; they drift with the tolerance. Equilibria and orbits lie on them.
 
         Source: Kane and Levinson, Dynamics: Theory and Applications, 1985.
 
@@ -249,7 +252,10 @@ class System(DescribedSystem):
         >>> swing.itinerary[-1]
         'stick (lam_theta sliding)'
         """
-        return cls(**arguments_of(mechanism(method), friction, contacts, parameters, outputs, arguments))
+        found = mechanism(method)
+        system = cls(**arguments_of(found, friction, contacts, parameters, outputs, arguments))
+        system._constraints = found.kept()
+        return system
 
     @classmethod
     def from_functions(cls, f, states, *, surfaces=(), parameters=None, events=()):
@@ -483,6 +489,7 @@ class System(DescribedSystem):
             (*own, *rates.items()), time=time, parameters=parameters, outputs={**named, **outputs}, events=events,
             contacts=contacts, algebraic=algebraic, drives=drives, convention=self._convention,
         )._written_out()  # fmt: skip
+        extended._constraints = self._constraints
         return extended.with_parameters({p.name: value for p, value in self.parameters.items()})
 
     def _written_out(self):
@@ -771,7 +778,8 @@ class System(DescribedSystem):
             kind, *_, original, arguments = self._view
             return {"view": kind, "of": original._written(), "arguments": arguments, "values": values}
         names = ("rates", "time", "parameters", "outputs", "events", "contacts", "algebraic", "drives")
-        return dict(zip(names, self._arguments)) | {"convention": self._convention, "values": values}
+        kept = {"constraints": self._constraints} if self._constraints else {}
+        return dict(zip(names, self._arguments)) | {"convention": self._convention, "values": values, **kept}
 
     @classmethod
     def _read(cls, written):
@@ -781,7 +789,10 @@ class System(DescribedSystem):
             make = {"smoothed": original.smoothed, "layered": original.layered}[written["view"]]
             system = make(**written["arguments"])
         else:
-            system = cls(**{name: part for name, part in written.items() if name != "values"})
+            system = cls(
+                **{name: part for name, part in written.items() if name not in ("values", "constraints")}
+            )
+            system._constraints = tuple(written.get("constraints", ()))
         # A run with kicks has one parameter more, their period.
         return system.with_parameters({p.name: written["values"][p.name] for p in system.parameters})
 

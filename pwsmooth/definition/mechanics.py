@@ -38,6 +38,7 @@ class Mechanism:
     multipliers: list[sp.Symbol]
     M: sp.Matrix
     F: sp.Matrix
+    constraints: tuple[sp.Expr, ...] = ()  # of coordinates and speeds: what is 0 on the motion, as its rate is
 
     def __post_init__(self) -> None:
         named = {str(q): e for q, e in self.rates.items()} | {str(u): u for u in self.speeds}
@@ -75,6 +76,11 @@ class Mechanism:
     def rate(self, gap: sp.Expr) -> sp.Expr:
         """d(gap)/dt in terms of speeds."""
         return sp.Add(gap.diff(self.time), *(gap.diff(q) * e for q, e in self.rates.items()))
+
+    def kept(self) -> tuple[sp.Expr, ...]:
+        """The constraints, and of those of positions alone their rates too."""
+        rates = [self.rate(e) for e in self.constraints if not e.free_symbols & {*self.speeds}]
+        return *self.constraints, *rates
 
     def along(self, v: sp.Expr, force: sp.Expr) -> sp.Matrix:
         """What a force along a velocity adds to F: force times partial velocities."""
@@ -150,7 +156,12 @@ def mechanism(method: Any) -> Mechanism:
     there = {q.diff(time): e for q, e in rates.items()}
     M, F = ((A.xreplace(there)).applyfunc(lambda e: checks.expression(e, "`method`")) for A in (M, F))
     plain = {checks.named(q): checks.expression(e, "`method`") for q, e in rates.items()}
-    return Mechanism(time, plain, speeds, dependent, multipliers, M, F)
+    if lagrange:
+        kept = [*method._hol_coneqs, *method.coneqs[len(method._hol_coneqs) :]]
+    else:
+        kept = [*method._f_h, *(method._k_nh * sp.Matrix(method.u) + method._f_nh if dependent else ())]
+    constraints = tuple(checks.expression(e.xreplace(there), "`method`") for e in map(sp.sympify, kept))
+    return Mechanism(time, plain, speeds, dependent, multipliers, M, F, constraints)
 
 
 def _check_constraints(method: Any, lagrange: bool) -> None:
@@ -188,6 +199,8 @@ def arguments_of(
         for name, given in (("parameters", parameters), ("outputs", outputs), ("friction", friction))
     )
     shown = {name: found._plain(e, f"`outputs`, {name!r}") for name, e in shown.items()}
+    # Their lengths stand in no equation of motion, and how far a run drifts from them is to be seen.
+    shown |= {f"constraint {k}": e for k, e in enumerate(found.constraints, 1)}
     found.check_inertia(values)
     parts = {name: list(others.pop(name, ())) for name in ("events", "algebraic")}
     parts["contacts"] = list(checks.all_of_kind("contacts", contacts, Unilateral))

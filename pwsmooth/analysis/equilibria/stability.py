@@ -80,7 +80,7 @@ def linear_at(system: Any, x: np.ndarray, mult: np.ndarray, sides: tuple[int, ..
     """The linear part at a point (n,), (m,) of a mode."""
     model = system.model
     line, mult, p = _in_its_mode(system, x, mult, sides)
-    n = len(model.states) - model.n_memory
+    n, constraints = len(model.states) - model.n_memory, system._constraints
     J = unknowns(model, sides)
     inside, on = margins(line, x, mult, p, sides)
     met = np.flatnonzero(np.abs(inside) <= on).tolist()
@@ -89,13 +89,16 @@ def linear_at(system: Any, x: np.ndarray, mult: np.ndarray, sides: tuple[int, ..
     # At rest h/|h| of a disc may be any direction.
     own = {j: [j] for j in kinks} | {j: parts for j, parts in places(model) if j in kinks}
     J = [j for j in J if not any(j == kink or j in parts for kink, parts in own.items())]
-    matrix, along = _on_manifold(line, x, mult, p, n, J)
+    matrix, along = _on_manifold(line, x, mult, p, n, J, constraints)
     joined = _joined(line, x, mult, p, n, met[0]) if len(met) == 1 and not J else None
     if joined is not None:
         return Linear(matrix, along, _layer(line, x, mult, p, sides, J), "", joined)
     if not (np.isfinite(matrix).all() or np.isfinite(line.blocks(*_point(x, mult), p).f_w).all()):
         # The tip of a cone |v|, which has no derivative.
-        around = [_on_manifold(line, x + np.pad(step, (0, len(x) - n)), mult, p, n, J) for step in beside(8, n)]
+        around = [
+            _on_manifold(line, x + np.pad(step, (0, len(x) - n)), mult, p, n, J, constraints)
+            for step in beside(8, n)
+        ]
         slopes = [basis @ slope @ basis.T for slope, basis in around]
         matrix, along = around[0]
         if any(_differ(slope, slopes[0]) for slope in slopes):
@@ -108,7 +111,7 @@ def linear_at(system: Any, x: np.ndarray, mult: np.ndarray, sides: tuple[int, ..
             other = mult.copy()
             for parts, way in turned:
                 other[parts] = way
-            slope = _on_manifold(line, x, other, p, n, J)[0]
+            slope = _on_manifold(line, x, other, p, n, J, constraints)[0]
             if _differ(slope, matrix):
                 names = ", ".join(str(line.symbols[j]) for j in kinks)
                 undecided = undecided or f"it lies on the kink of {names}, where the Jacobian jumps"
@@ -189,9 +192,10 @@ def _point(x: np.ndarray, mult: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.
 
 
 def _on_manifold(
-    line: Linearised, x: np.ndarray, mult: np.ndarray, p: np.ndarray, n: int, J: list[int]
-) -> tuple[np.ndarray, np.ndarray]:
-    """The Jacobian of the flow along what is held, and a basis of these directions."""
+    line: Linearised, x: np.ndarray, mult: np.ndarray, p: np.ndarray, n: int, J: list[int],
+    constraints: tuple[sp.Expr, ...] = (),
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """The Jacobian of the flow along what is held and along constraints, and a basis of these directions."""
     blocks = line.blocks(*_point(x, mult), p)
     multipliers = line.model.multipliers
     if not all(line.solvable[j] for j in J):
@@ -201,7 +205,7 @@ def _on_manifold(
         lam_x = blocks.solved(J)[0][0][:, :n] if J else np.zeros((0, n))
     except np.linalg.LinAlgError:  # a fold of the layer: lambda has no slope
         flow, lam_x = np.full((n, n), np.nan), np.zeros((len(J), n))
-    rows = []
+    rows = [*line.values(constraints, *_point(x, mult), p)[1][0][:, :n]]
     _, c_w, c_lam = line.constraints(*_point(x, mult), p)
     for j in J:
         mu = multipliers[j]

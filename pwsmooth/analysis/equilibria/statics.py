@@ -1,6 +1,8 @@
 """The equations of equilibria in one mode, and Newton's method from many starts at once.
 
-    F = (f(x, lam), h_J(x, lam)) = 0,   u = (x, lam_J),   lam_j = 1 or -1, R_j = 0 for what is not held
+    F = (f(x, lam), h_J(x, lam), c(x)) = 0,   u = (x, lam_J),   lam_j = 1 or -1, R_j = 0 for what is not held
+
+c are the constraints of a mechanism. Its equations keep their rates alone: at rest they hold for any length of a rod.
 
 A mode says of every multiplier on which side of its surface it is: 1 or -1, or 0 where it is held there (a closed
 contact, an algebraic unknown). A disc slips, 1, or is held; its components are unknowns, 0. In a mode the equations are
@@ -25,6 +27,7 @@ MOST_NEWTON = 60
 _CONVERGED = 1e-10  # of a full step, relative: the error after it is its square
 _UNDERFLOW = 1e-24  # what Newton's method leaves of a 0
 ROUNDING = 1e-12  # of an equation, relative to the sum of its terms
+_BALANCES = 6  # of rows and columns in turn
 RANK = 1e-10  # of the smallest singular value to the largest: below it a direction is free
 
 
@@ -46,6 +49,7 @@ class Statics:
         self.p = np.array(system.parameter_values, float)
         self.place = model.parameters.index(q) if q in model.parameters else None
         self.size = self.n + len(self.J)  # of (x, lam_J)
+        self.tied = bool(system._constraints)
         self.unit = np.ones(self.size)  # in which unknowns are counted
         self.unit[: self.n] = unit
 
@@ -105,9 +109,10 @@ class Statics:
         blocks = self.line.blocks(np.zeros(len(u)), x, mult, p)
         c, c_w, c_lam = self.line.constraints(np.zeros(len(u)), x, mult, p)
         n, J, own = self.n, self.J, len(x)
-        F = np.concatenate([blocks.f[:, :n], c[:, J]], axis=1)
-        w = np.concatenate([blocks.f_w[:, :n], c_w[:, J]], axis=1)
-        lam = np.concatenate([blocks.f_lam[:, :n], c_lam[:, J]], axis=1)
+        kept, kept_w = self.line.values(self.system._constraints, np.zeros(len(u)), x, mult, p)
+        F = np.concatenate([blocks.f[:, :n], c[:, J], kept], axis=1)
+        w = np.concatenate([blocks.f_w[:, :n], c_w[:, J], kept_w], axis=1)
+        lam = np.concatenate([blocks.f_lam[:, :n], c_lam[:, J], np.zeros((*kept.shape, len(mult)))], axis=1)
         return F, np.concatenate([w[:, :, :n], lam[:, :, J], w[:, :, own:]], axis=2)
 
     def margins(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -132,7 +137,7 @@ class Statics:
 
     def free(self, DF: np.ndarray) -> np.ndarray:
         """Unit directions, as rows, in which the equations with these derivatives leave the unknowns free."""
-        rows = free_directions(DF[:, : self.size] * self.unit)
+        rows = free_directions(DF[:, : self.size] * self.unit, self.tied)
         alike = [self.n + self.J.index(c) for c in idle(self.system.model)]
         if alike and len(rows):  # at rest any direction of lambda does
             others = np.delete(rows, alike, axis=1)
@@ -174,9 +179,9 @@ def newton(statics: Statics, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.
         if not going.size:
             break
         scaled = DF * statics.unit
-        rows = np.abs(scaled).max(axis=2, initial=0.0)
-        rows = np.where(rows > 0, rows, 1.0)
-        inverse = np.linalg.pinv(scaled / rows[:, :, None], rcond=RANK) / rows[:, None, :]
+        rows, columns = balance(scaled, statics.tied)
+        even = scaled / rows[:, :, None] / columns[:, None, :]
+        inverse = np.linalg.pinv(even, rcond=RANK) / rows[:, None, :] / columns[:, :, None]
         step = -(inverse @ F[:, :, None])[:, :, 0]  # in units
         at = u[going] / statics.unit
         size = np.abs(step / (1 + np.abs(at))).max(axis=1, initial=0.0)
@@ -203,8 +208,23 @@ def newton(statics: Statics, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.
     return u, errors, counts
 
 
-def free_directions(DF: np.ndarray) -> np.ndarray:
+def balance(DF: np.ndarray, tied: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """Sizes of the rows, and of the columns if `tied`, of matrices (K, M, N): (K, M) and (K, N).
+
+    Under constraints there are unknown forces, whose size no start tells: 1/length of a rod and more.
+    """
+    rows, columns = np.ones(DF.shape[:2]), np.ones((DF.shape[0], DF.shape[2]))
+    for _ in range(_BALANCES if tied else 1):
+        largest = np.abs(DF / columns[:, None, :]).max(axis=2, initial=0.0)
+        rows = np.where(largest > 0, largest, 1.0)
+        if tied:
+            largest = np.abs(DF / rows[:, :, None]).max(axis=1, initial=0.0)
+            columns = np.where(largest > 0, largest, 1.0)
+    return rows, columns
+
+
+def free_directions(DF: np.ndarray, tied: bool = False) -> np.ndarray:
     """Directions, as rows, in which the equations with these derivatives (M, N) leave the unknowns free."""
-    rows = np.abs(DF).max(axis=1, keepdims=True, initial=0.0)
-    sizes, right = np.linalg.svd(DF / np.where(rows > 0, rows, 1.0))[1:]
-    return right[np.sum(sizes > RANK * sizes.max(initial=1.0)) :]
+    (rows,), (columns,) = balance(DF[None], tied)
+    sizes, right = np.linalg.svd(DF / rows[:, None] / columns)[1:]
+    return right[np.sum(sizes > RANK * sizes.max(initial=1.0)) :] / columns

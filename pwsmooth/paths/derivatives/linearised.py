@@ -123,6 +123,14 @@ class Linearised:
         values = _gradient(self.model, self.chosen, surface)(np.array([t]), x[:, None], mult[:, None], p)[:, 0]
         return values[: self.N], values[self.N], values[self.N + 1 :]
 
+    def values(
+        self, expressions: tuple[sp.Expr, ...], t: np.ndarray, x: np.ndarray, mult: np.ndarray, p: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Expressions at points as those of `blocks`, (nt, k), and their derivatives by w, (nt, k, N)."""
+        k, nt = len(expressions), len(t)
+        found = _values(self.model, self.chosen, expressions)(t, x, mult, p)
+        return found[:k].T, found[k:].T.reshape(nt, k, self.N)
+
     def speed(self, index: int) -> sp.Expr:
         """dh/dt of the surface of a multiplier."""
         model = self.model
@@ -174,6 +182,12 @@ def _rates(model: Model) -> Any:
 def _gradient(model: Model, chosen: tuple[sp.Symbol, ...], surface: sp.Expr) -> Any:
     symbols = [*model.states, *chosen, model.time, *(mu.symbol for mu in model.multipliers)]
     return _stacked(model, [surface.diff(s) for s in symbols])
+
+
+@functools.lru_cache(maxsize=256)
+def _values(model: Model, chosen: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Any:
+    symbols = *model.states, *chosen
+    return _stacked(model, [*expressions, *(e.diff(s) for e in expressions for s in symbols)])
 
 
 @functools.lru_cache(maxsize=256)
