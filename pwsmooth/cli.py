@@ -296,6 +296,10 @@ def explore(
     read_only: Annotated[
         bool, typer.Option("--read-only", help="The page looks, and changes neither parameters, start nor law.")
     ] = False,
+    export: Annotated[
+        Path | None, typer.Option(help="Write one HTML file that needs no Python, with a slider, and leave.")
+    ] = None,
+    over: Annotated[str, typer.Option(help="The slider of that file: NAME=LOW:HIGH:COUNT.")] = "",
     list_only: Annotated[bool, typer.Option("--list", help="List scenes and presets, and leave.")] = False,
 ) -> None:
     """A page on which a system answers while a slider moves: orbit, phase plane, layer, orbit diagram, basins.
@@ -309,7 +313,9 @@ def explore(
         if list_only:
             typer.echo(opening.listing())
             return
-        opening.command(what, law, preset, state, port, browser, allow_code, typer.echo, read_only)
+        opening.command(
+            what, law, preset, state, port, browser, allow_code, typer.echo, read_only, export, over
+        )
 
 
 @command()

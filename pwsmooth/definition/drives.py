@@ -15,6 +15,7 @@ import numpy as np
 import sympy as sp
 
 from ..door import checks
+from ..door.columns import read_columns
 from .model import Entry, EventSpec, Table
 from .primitives import Memory
 
@@ -83,8 +84,8 @@ class Drive:
         ----------
         path : str or Path
             Lines that begin with no number, as a header, are left out.
-        columns : (int, int)
-            Those of the times and of the values, counted from 0.
+        columns : (int or str, int or str)
+            Those of the times and of the values, counted from 0, or by their names in the header.
         kind : {"spline", "line", "hold"}
             As of `Drive`.
 
@@ -96,25 +97,17 @@ class Drive:
         Raises
         ------
         ValueError
-            A line with too few columns, or with a column that is no number; what `Drive` raises.
+            A line with too few columns, or with a column that is no number; a name that no header has; what `Drive`
+            raises.
         OSError
             The file cannot be read.
         """
-        path, (time, value) = checks.path(path, "`path`"), checks.pair(columns, "`columns`")
-        rows = []
-        with open(path, encoding="utf-8") as lines:
-            for number, line in enumerate(lines, 1):
-                fields = line.replace(",", " ").replace(";", " ").split()
-                if not fields or not _is_number(fields[0]):
-                    continue
-                try:
-                    rows.append((float(fields[int(time)]), float(fields[int(value)])))
-                except (IndexError, ValueError):
-                    raise ValueError(
-                        f"line {number} of {path} is {checks.shown(line.strip())}, with no numbers in the columns "
-                        f"{columns}; name others in `columns`, or mend the line."
-                    ) from None
-        return cls([t for t, _ in rows], [v for _, v in rows], kind)
+        columns = checks.several(columns, "`columns`")
+        if len(columns) != 2:
+            raise ValueError(
+                f"`columns` has {len(columns)} entries; give that of the times and that of the values."
+            )
+        return cls(*read_columns(path, columns), kind)
 
     def _rows(self):
         """Of each cell t_k, c_d, ..., c_0; shape (n - 1, d + 2)."""
@@ -196,14 +189,6 @@ def rewritten(times, samples, kind, derivatives):
     for _ in range(derivatives):
         made = made.derivative()
     return made
-
-
-def _is_number(text):
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def drive(value, what):

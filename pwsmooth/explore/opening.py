@@ -13,6 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..door import checks
 from ..results.files import write_whole
 from ..results.solution import Solution
@@ -260,9 +262,15 @@ def command(
     allow_code: bool,
     say: Any,
     read_only: bool = False,
+    export: Path | None = None,
+    over: str = "",
 ) -> None:
     """What `pwsmooth explore` does."""
-    need_websockets()
+    values = _range(over) if export is not None else None
+    if over and export is None:
+        raise ValueError("`--over` belongs to `--export`; name the file, or leave it out.")
+    if values is None:
+        need_websockets()
     if preset is not None:
         if what or law:
             raise ValueError("a preset brings its scene and its law; leave these out, or the preset.")
@@ -281,4 +289,21 @@ def command(
     if read_only:  # what the page sends does not count: the state is applied here
         subject = replace(stated(subject, state) if state else subject, read_only=True)
     subject = replace(subject, command=f"pwsmooth explore {given}")
+    if values is not None:
+        subject = stated(subject, state) if state else subject
+        Explorer(subject).export(export, values)
+        say(f"{export}: {subject.name}, a slider over {over}")
+        return
     serve(Explorer(subject), port, browser, say, f"&s={state}" if state else "")
+
+
+def _range(over: str) -> dict[str, np.ndarray]:
+    """The values of `--over NAME=LOW:HIGH:COUNT`."""
+    found = re.fullmatch(r"\s*(.+?)\s*=\s*([^:=]+):([^:=]+):([^:=]+)", over)
+    try:
+        name, low, high, count = found.groups()  # type: ignore[union-attr]
+        return {name: np.linspace(float(low), float(high), checks.integer(2)(int(count), "`--over`, count"))}
+    except (AttributeError, ValueError):
+        raise ValueError(
+            f"`--over` is {over!r}; give NAME=LOW:HIGH:COUNT with two values at least, such as rho=1:4:60."
+        ) from None

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..door import checks
+from ..door.columns import read_columns
 from ..door.describe import Described, Rows, listed, values
 
 __all__ = ["Record"]
@@ -120,6 +121,50 @@ class Record(Described):
         unknown = tuple(str(checks.named(name)) for name in self.unknown)
         for name, value in (("values", columns), ("noise", noise), ("unknown", unknown)):
             object.__setattr__(self, name, value)
+
+    @classmethod
+    def from_csv(
+        cls, path: Any, values: Mapping[Any, Any], *, time: Any = 0, noise: Any = None, start: Any = None,
+        unknown: Sequence[str] = (), parameters: Any = None, begin: float | None = None, system: Any = None,
+    ) -> Record:  # fmt: skip
+        """A record from a text file with commas, semicolons, tabs or spaces between its columns.
+
+        Parameters
+        ----------
+        path : str or Path
+            The last line before the first numbers is the header; other lines without numbers are left out. An empty
+            field, or nan, is a missing sample.
+        values : mapping of str to (int or str)
+            State, multiplier or output -> its column, counted from 0, or by its name in the header.
+        time : int or str
+            Column of the times.
+        noise, start, unknown, parameters, begin, system : optional
+            As of `Record`.
+
+        Returns
+        -------
+        Record
+            Of these columns.
+
+        Raises
+        ------
+        ValueError, TypeError
+            A line with too few columns, or with a column that is no number; a name that no header has; what `Record`
+            raises.
+        OSError
+            The file cannot be read.
+
+        >>> from pathlib import Path
+        >>> _ = Path("run.csv").write_text("time,position\\n0,0.1\\n0.5,\\n1,0.3\\n")
+        >>> Record.from_csv("run.csv", {"x": "position"}, time="time", noise=0.01)
+        Record: 2 samples over 0 to 1
+          samples 2 of x, noise 0.01
+        """
+        columns = checks.mapping(values, "`values`", "names to columns")
+        times, *found = read_columns(path, [time, *columns.values()], gaps=True)
+        return cls(
+            times, dict(zip(columns, found)), noise, start or {}, unknown, parameters or {}, begin, system
+        )  # fmt: skip
 
     @property
     def samples(self) -> int:

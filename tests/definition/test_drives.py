@@ -167,6 +167,11 @@ def test_a_record_is_read_from_a_file(tmp_path):
     assert Drive.from_csv(path) == Drive(TIMES, VALUES)
     with pytest.raises(ValueError, match="line 2 .*columns"):
         Drive.from_csv(path, columns=(0, 7))
+    assert Drive.from_csv(path, columns=("time", "acceleration")) == Drive(TIMES, VALUES)
+    with pytest.raises(ValueError, match="no column 'speed'; it has time, acceleration, flag"):
+        Drive.from_csv(path, columns=("time", "speed"))
+    with pytest.raises(ValueError, match="`columns` has 3 entries"):
+        Drive.from_csv(path, columns=(0, 1, 2))
 
 
 @pytest.mark.parametrize(

@@ -278,6 +278,27 @@ def test_a_touch_without_a_derivative_is_told_and_the_fit_goes_on():
 
 
 @pytest.mark.parametrize(
+    "text",
+    [
+        "t,x,v\n0,1,0.5\n1,,0.25\n2,3,nan\n",
+        "# taken by hand\n# t x v\n0 1 0.5\n1 nan 0.25\n2 3 NA\n",
+        "t;x;v\n0;1;0,5\n1;;0,25\n2;3;\n",
+        't\t"x"\tv\n0\t1\t0.5\n1\t\t0.25\n2\t3\t\n',
+    ],
+)
+def test_a_record_is_read_from_a_file_with_gaps(text, tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text(text)
+    for columns, time in (({"x": "x", "v": "v"}, "t"), ({"x": 1, "v": 2}, 0)):
+        one = Record.from_csv(path, columns, time=time, noise=0.1, start={"x": 1})
+        assert one.t.tolist() == [0, 1, 2] and one.samples == 4 and one.noise["v"] == 0.1
+        assert np.array_equal(one.values["x"], [1, np.nan, 3], equal_nan=True)
+        assert np.array_equal(one.values["v"], [0.5, 0.25, np.nan], equal_nan=True)
+    with pytest.raises(ValueError, match="no column 'y'; it has t, x, v"):
+        Record.from_csv(path, {"y": "y"}, time="t")
+
+
+@pytest.mark.parametrize(
     "change, said",
     [
         (dict(t=[0, 1, 1]), "does not increase"),

@@ -139,6 +139,21 @@ def test_a_file_without_a_name_and_a_misspelt_scene_are_said(run, tmp_path):
     assert "Did you mean 'figure-4'?" in run("explore", "--preset", "figure_4").output
 
 
+def test_a_page_without_python_is_written_from_the_command_line(run, tmp_path):
+    file = tmp_path / "oscillator.html"
+    done = run("explore", "friction_oscillator", "--export", str(file), "--over", "rho=1:3:3")
+    assert done.exit_code == 0 and "a slider over rho=1:3:3" in done.output
+    assert "</html>" in file.read_text()
+    for over, said in (
+        ("rho", "give NAME=LOW:HIGH:COUNT"),
+        ("rho=1:3:1", "two values"),
+        ("mu=1:2:3", "names 'mu'"),
+    ):
+        refused = run("explore", "friction_oscillator", "--export", str(file), "--over", over)
+        assert refused.exit_code and said in refused.output
+    assert "belongs to `--export`" in run("explore", "friction_oscillator", "--over", "rho=1:3:3").output
+
+
 def test_functions_of_math_and_numpy_on_symbols_are_told_apart_in_a_file(tmp_path):
     for line, words in {
         "math.sin(x)": "sympy.sin",
