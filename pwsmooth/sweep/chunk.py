@@ -58,7 +58,7 @@ def goes_as_ensemble(plan: Plan) -> bool:
 
 
 def _one_by_one(plan, columns, result, measures, outcome_known, returns, spending):
-    dense = any(getattr(m, "dense", True) for m in measures)
+    dense = plan.has_polynomials and any(getattr(m, "dense", True) for m in measures)
     for i in range(len(result["outcome"])):
         if outcome_known and (result["outcome"][i] < 0 or (returns is not None and np.isnan(returns[i, -1]))):
             continue  # it failed, or another event ended it before its last return

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..kernels.sweeping.state import EXTREMES
 from ..paths.budget import spending
 from ..paths.call import Options
 from ..paths.event_driven import EventDriven
@@ -104,12 +105,33 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
         else:
             go(run.control, 0, count)
     orbits.code_done = orbits.code == Outcome.FINISHED
+    _see_the_end(plan, columns, orbits)
     orbits.ok = orbits.code_done if section else orbits.code >= Outcome.FINISHED
     orbits.outcome = orbits.code.copy()
     for i in np.flatnonzero((orbits.code < Outcome.FINISHED) & (orbits.code != NO_RETURN)).tolist():
         late = orbits.code[i] == Outcome.OUT_OF_MEMORY
         orbits.outcome[i] = Outcome.TIME_LIMIT if late else _outcome(plan, columns, i)
     return orbits
+
+
+def _see_the_end(plan, columns, orbits):
+    """Take what an event leaves at the very end, with which no step begins, into the extremes."""
+    model, n = plan.system.model, orbits.x0.shape[1]
+    acting = [event for event in model.events if event.update]
+    at_once = any(event.surface is None for event in acting) or (
+        plan.longest_return is not None and (acting or any(mu.impact for mu in model.multipliers))
+    )
+    stopped = orbits.code == Outcome.TERMINATED if any(event.terminal for event in acting) else False
+    for q in np.flatnonzero(orbits.wanted & EXTREMES).tolist():
+        last = np.full(len(orbits.code), np.nan)
+        if (place := orbits.quantity[q]) < n:
+            last[orbits.code_done] = orbits.strobe[orbits.code_done, -1, place]
+        again = stopped | (at_once and place >= n) & orbits.code_done
+        for i in np.flatnonzero(again).tolist():
+            times = None if plan.longest_return is None else orbits.strobe_t[i]
+            last[i] = solve_point(plan, columns, i, False, times)[0][plan.setting.quantities[q]][-1]
+        orbits.low[:, q] = np.fmin(orbits.low[:, q], last)
+        orbits.high[:, q] = np.fmax(orbits.high[:, q], last)
 
 
 def _ratios(plan, columns, fixed, count):

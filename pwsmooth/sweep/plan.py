@@ -61,6 +61,11 @@ class Plan:
         """What solve() runs a point by, without noise."""
         return path_for(_call(self.system, dict(self.options)))
 
+    @property
+    def has_polynomials(self) -> bool:
+        """Whether a run has values between its steps: a diffusion has none."""
+        return not isinstance(self.noise, Diffusion)
+
     @functools.cached_property
     def _solvers(self) -> Scratch:
         return Scratch()
@@ -278,10 +283,30 @@ def read_plan(
             "`measures`: with `record` a run keeps its events and no steps; give functions of the Solution, which has "
             "`catalogue` and `recorded`."
         )
+    if noise is not None:
+        _check_noise(plan, first)
     clash = [name for name in plan.variables if name in where.values or name in where.dims]
     if clash:
         raise ValueError(f"the measure {clash[0]!r} has the name of an axis; rename the axis' symbol.")
     return plan, where
+
+
+def _check_noise(plan: Plan, columns: Mapping[str, np.ndarray]) -> None:
+    """Refuse, at the first point, noise that the system does not take or that the measures cannot see."""
+    lacking = [m for m in plan.measures if not m.compiled and m.dense]
+    if lacking and not plan.has_polynomials:
+        raise ValueError(
+            f"`measures` has {_described(lacking[0])}, which needs values between steps, and a diffusion has none; "
+            "leave it out, or give a function of the Solution with dense=False."
+        )
+    call = plan.solver(False).call
+    t0, _, end, _ = (float(times[0]) for times in plan.windows(columns, 1))
+    call = call.changed(system=plan.system, span=(t0, end), start=plan.start, noise=plan.noise)
+    path_for(call)
+    if not plan.has_polynomials and hasattr(call.random, "interval"):
+        what = "`t_span`" if plan.period is None else "the end of the last period"
+        if call.random.interval(t0, what) == call.random.interval(end, what):
+            raise ValueError(f"{what} is {end:g}, within one `step` of the diffusion; give a shorter `step`.")
 
 
 def _listing(measures):
