@@ -15,7 +15,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,14 +25,20 @@ from ..door.describe import Described, Rows, listed
 from ..paths.budget import opened, whole
 from ..paths.derivatives.growth import growth
 from ..paths.derivatives.tangents import Tape
+from ..paths.words import meets_several
 from ..results.records import Outcome
 from ..results.solution import Solution
 from ..solve import behind_the_door, taped_run
+from .maps.scales import scale_at
 from .maps.variations import factors, has_series, without_derivative
 
 __all__ = ["LyapunovExponents", "largest_exponent", "lyapunov_exponents"]
 
 _PIECES = 20  # means over as many parts of the run give the error
+_CUTS = 201  # of a run whose deviations are differences, which begin anew at each
+_STEP = 1e-6  # of the units of the states: such differences
+_SETTLES = 0.2  # of the run, in which the differences find their directions
+_APART = 1.0  # in all of a run: growth by which both sides may differ
 _CHUNK = 500.0  # time whose polynomials are kept at once
 
 
@@ -292,7 +298,36 @@ def lyapunov_exponents(
     run = taped_run(system, options, rows=True)
     along = run and _along_a_tape(run, system, x, count, start_time, first, last)
     frame, end, outcome = along or _by_chunks(system, options, x, count, start_time, first, last)
-    return frame.means(first, end, outcome)
+    found = frame.means(first, end, outcome)
+    if outcome is Outcome.FINISHED and meets_several(found.degenerate):
+        return _by_differences(found, system, options, x, start_time, first, last)
+    return found
+
+
+def _by_differences(found, system, options, x, t, first, last) -> LyapunovExponents:
+    """Exponents of a run that meets several surfaces at one instant, by motions beside it; nan where sides differ."""
+    n, count, solve = len(x), len(found.exponents), behind_the_door(system, **options)
+    scale = scale_at(x)
+    unit, cuts = np.ones(n) if scale is None else np.array(scale.unit), np.linspace(t, last, _CUTS)
+    frames = [side * _STEP * _directions(n, count) for side in (1, -1)]
+    logs, nothing = np.zeros((2, _CUTS - 1, count)), np.full(count, np.nan)
+    for k, span in enumerate(zip(cuts[:-1].tolist(), cuts[1:].tolist())):
+        end = solve(system, span, list(map(float, x))).x[:, -1]
+        for side, frame in enumerate(frames):
+            ends = [solve(system, span, (x + unit * d).tolist()) for d in frame.T]
+            if not all(one.outcome is Outcome.FINISHED for one in ends):
+                return replace(found, exponents=nothing, errors=nothing)
+            q, r = np.linalg.qr(np.array([(one.x[:, -1] - end) / unit for one in ends]).T / _STEP)
+            with np.errstate(divide="ignore"):
+                logs[side, k] = np.log(np.abs(np.diag(r)))
+            frames[side] = _STEP * q * np.where(np.diag(r) < 0, -1.0, 1.0)
+        x = end
+    kept = logs[:, cuts[1:] > first + _SETTLES * (last - first)] / (cuts[1] - cuts[0])
+    means, errors = kept.mean(axis=1), kept.std(axis=1).max(axis=0) / math.sqrt(kept.shape[1])
+    with np.errstate(invalid="ignore"):
+        alike = (means[0] == means[1]) | (np.abs(means[0] - means[1]) <= 2 * errors + _APART / (last - first))
+    exponents, order = np.where(alike, means.mean(axis=0), np.nan), np.argsort(-means[0], kind="stable")
+    return replace(found, exponents=exponents[order], errors=errors[order])
 
 
 def _along_a_tape(run, system, x, count, t, first, last) -> tuple[_Frame, float, Outcome] | None:

@@ -92,10 +92,10 @@ def made(data: Mapping[str, Any], setting: Setting) -> Any:
         shooting = Shooting(map_, tuple(map(tuple, data["cuts"])))
         X = np.array(data["nodes"]).ravel()
         image = shooting.image(X, ())
-        size = relative(image.x - X, X, image)
+        size = relative(shooting, image.x - X, X, image)
         return orbit_of(shooting, X, image, size, 0, image.success, SHRUNK, tuple(data["kept"]))
     image = map_.image(x, ())
-    return orbit_of(map_, x, image, relative(image.x - x, x, image), 0, image.success, SHRUNK)
+    return orbit_of(map_, x, image, relative(map_, image.x - x, x, image), 0, image.success, SHRUNK)
 
 
 def map_of(data: Mapping[str, Any], setting: Setting) -> Any:

@@ -5,7 +5,7 @@ Chain: kernels/state.py (the integers) -> **this file** -> event_driven.py.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -147,6 +147,11 @@ def why_not(reason: int, cause: str) -> str:
         CORNER: "meets its surface together with others, in an order that any change may turn (a corner)",
     }
     return f"{cause} {reasons.get(reason, 'begins anew by a rule that has no derivative')}".lstrip()
+
+
+def meets_several(without: Iterable[str]) -> bool:
+    """Whether words of instants without derivative have one at which several surfaces are met."""
+    return any(said.endswith(why_not(CORNER, "")) for said in without)
 
 
 def instants_without(model: Model, times: np.ndarray, why: np.ndarray) -> Iterator[tuple[float, str]]:

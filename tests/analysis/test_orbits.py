@@ -377,3 +377,119 @@ def test_an_orbit_that_begins_in_a_stick_stays_on_the_surface():
     for offset in range(-8, 9):
         orbit = refine(map_, {x: 2.4173321 + offset * 1e-10, u: 0})
         assert orbit.success and orbit.x[1] == 0
+
+
+# ---- what is no orbit, in any unit
+
+
+UNITS = [1.0, 1e-6, 1e6]
+unit = sp.Symbol("unit", positive=True)
+rough = sp.Symbol("rough", integer=True, positive=True)
+
+
+@pytest.mark.parametrize("size", UNITS)
+@pytest.mark.parametrize("transient", [0, 50])
+@pytest.mark.parametrize("power", [1, 3, 5, 7])
+def test_a_spiral_into_a_rest_is_no_orbit(power, transient, size):
+    # The energy falls strictly: by a part that vanishes with the amplitude, as a power of it.
+    loss = u / 10 if power == 1 else (u / unit) ** (power - 1) * u
+    spiral = System({x: u, u: -x - loss}, parameters={} if power == 1 else {unit: size})
+    orbit = find_orbit(spiral, {x: size, u: 0}, section=u, direction=-1, transient=transient)
+    assert not orbit.success and not orbit.stable
+    assert "rest" in orbit.message
+
+
+@pytest.mark.parametrize("size", UNITS)
+def test_relays_whose_turns_shrink_by_a_part_that_vanishes_have_no_orbit(size):
+    # The return map is x/(1 + 4 x/unit): 1/x grows by the same with each turn.
+    relays = System({x: -x - unit * sp.sign(u), u: -u + unit * sp.sign(x)}, parameters={unit: size})
+    for transient in (0, 20):
+        orbit = find_orbit(relays, {x: size, u: 0}, section=u, transient=transient)
+        assert not orbit.success and "rest" in orbit.message
+
+
+@pytest.mark.parametrize("section", [sp.sin(x), sp.cos(x) - sp.Rational(1, 2), sp.sin(x / 2)])
+def test_an_angle_that_runs_on_is_no_orbit_and_with_an_event_for_its_turns_it_is_one(section):
+    from pwsmooth import Event
+
+    rates = {x: u, u: sp.Rational(3, 2) - sp.sin(x) - u / 5 - sp.sign(u) / 10}
+    orbit = find_orbit(System(rates), {x: 0, u: 5}, section=section, transient=30)
+    assert not orbit.success and "x runs on, by " in orbit.message
+    turning = System(rates, events=[Event(x - 2 * sp.pi, direction=1, update={x: x - 2 * sp.pi})])
+    orbit = find_orbit(turning, {x: 1, u: 5}, section=x - 3, transient=30)
+    assert orbit.success and orbit.stable and orbit.period == pytest.approx(0.897785, abs=1e-5)  # a plain run's
+
+
+@pytest.mark.parametrize("size", [1e-9, *UNITS])
+def test_a_relay_loop_has_the_period_of_its_closed_form_in_any_unit(size):
+    # 1/(s + 1)^3 and a relay: half the period h solves c (1 + exp(A h))^-1 (exp(A h) - 1) A^-1 b = 0, by SciPy.
+    from scipy.linalg import expm
+    from scipy.optimize import brentq
+
+    A, b = np.array([[-1.0, 0, 0], [1, -1, 0], [0, 1, -1]]), np.array([1.0, 0, 0])
+
+    def off(h):
+        return np.linalg.solve(np.eye(3) + expm(A * h), (expm(A * h) - np.eye(3)) @ np.linalg.solve(A, b))[2]
+
+    w = sp.Symbol("w", real=True)
+    relay_loop = System({x: -x - unit * sp.sign(w), u: -u + x, w: -w + u}, parameters={unit: size})
+    start = {x: 0.3 * size, u: 0.1 * size, w: 0.0}
+    orbit = find_orbit(relay_loop, start, section=w, direction=1, transient=3)
+    assert orbit.success and orbit.stable
+    assert orbit.period == pytest.approx(2 * brentq(off, 1, 3, xtol=1e-13), rel=1e-10)
+
+
+def test_a_slow_motion_is_waited_for_as_its_steps_count_the_time():
+    slow = System({x: u / 10**8, u: ((1 - x**2) * u - x) / 10**8})
+    orbit = find_orbit(slow, {x: 1, u: 0}, section=u, direction=-1, transient=3)
+    assert orbit.success and orbit.period == pytest.approx(6.66328686e8, rel=1e-8)  # DOP853, see above
+
+
+def test_a_population_far_below_the_usual_tolerance_is_followed_exactly():
+    # Lotka and Volterra: x exp(-x) y exp(-y) stays; the least x on the way, by that invariant, is 2.3e-14.
+    populations = System({x: x * (1 - u), u: u * (x - 1)})
+    orbit = find_orbit(populations, {x: 1, u: 35.0}, section=x - 1, direction=-1)
+    assert orbit.success
+    run = orbit.solution(rtol=1e-12)
+    kept = np.log(run.x[0]) - run.x[0] + np.log(run.x[1]) - run.x[1]
+    assert run.x[0].min() < 1e-12 and np.ptp(kept) < 1e-9
+
+
+# ---- two surfaces at one instant
+
+
+def rooms(coupling):
+    """Two equal rooms with a thermostat each."""
+    from pwsmooth import Event, Memory
+
+    heats, k = [Memory("q1", 1), Memory("q2", 1)], sp.Symbol("k", real=True)
+    events = [
+        Event(room - at, direction=way, update={heat: on}, name=f"{room}{on}")
+        for room, heat in zip((x, u), heats)
+        for at, way, on in ((19, -1, 1), (21, 1, 0))
+    ]
+    rates = {
+        room: (4 - room) / 8 + 5 * heat + k * (other - room) for room, other, heat in zip((x, u), (u, x), heats)
+    }
+    return System(rates, parameters={k: coupling}, events=events)
+
+
+@pytest.mark.parametrize("coupling", [0.0, -0.01, 0.01])
+def test_rooms_in_step_have_the_multiplier_of_their_lag(coupling):
+    from pwsmooth import solve
+
+    orbit = find_orbit(rooms(coupling), {x: 19.9, u: 19.9}, section=x - 20)
+    run = solve(rooms(coupling), (0, 40), {x: 19.9, u: 19.9 + 1e-4})
+    lags = run.event_times(switch="x1")[:15] - run.event_times(switch="u1")[:15]
+    growth = (lags[12] / lags[2]) ** 0.1
+    assert abs(orbit.multipliers[0]) == pytest.approx(growth, abs=1e-4)
+    assert orbit.success and orbit.stable == (coupling > 0)
+
+
+def test_an_orbit_through_a_corner_of_the_map_is_not_called_stable():
+    # Both switches are met at once, at x = u = 0; which comes first decides about the size of a kick in v.
+    w = sp.Symbol("w", real=True)
+    first = sp.Heaviside(x) * (1 - sp.Heaviside(u))
+    both = System({x: sp.cos(t) - x / 5, u: sp.cos(t) - u / 5, w: first - w}, time=t)
+    orbit = find_orbit(both, {x: 0, u: 0, w: 0}, period=T, transient=20, phase=0.3)
+    assert orbit.success and not orbit.stable and orbit.corner

@@ -134,7 +134,7 @@ class Walk:
                 return None
             here, image, F, DF = equations
             x = u[:-1] * self.weight
-            size = relative(F, x, image)
+            size = relative(here, F, x, image)
             if size <= TOLERANCE:
                 kept = (False, False) if self.segments is None else self.segments.kept
                 orbit = orbit_of(here, x, image, size, steps, True, "continued", kept)

@@ -20,6 +20,7 @@ from ...paths.call import Scratch
 from ...results.records import Outcome
 from ...results.solution import Solution
 from ...solve import behind_the_door, solve
+from .scales import Scale, scale_along, scale_of_populations, unit_of
 
 #: (switch, kind, from and to) of every event: an itinerary in letters.
 Word = tuple[tuple[str, str, str], ...]
@@ -93,13 +94,14 @@ class _Map:
 
     system: Any
     options: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
+    scale: Scale | None = field(default=None, repr=False, compare=False, kw_only=True)
     _inner: Scratch = field(default_factory=Scratch, repr=False, compare=False, kw_only=True)
 
     def _solve(
         self, system: Any, span: tuple[float, float], x: Any, dense: bool, times: Any = None
     ) -> Solution:
         """A run behind the door, of the map's system or one made of it."""
-        key = id(system.model), id(self.options), dense  # these are kept along with the run
+        key = id(system.model), id(self.options), self.scale, dense  # the first two are kept along with the run
         if key not in self._inner:
             run = behind_the_door(system, dense_output=dense, **self._tight(system))
             self._inner[key] = run, system.model, self.options
@@ -107,8 +109,74 @@ class _Map:
 
     def _tight(self, system: Any) -> dict[str, Any]:
         """Options of the map's runs."""
-        tight = {"rtol": 1e-10} if system.model.smoothing else {"rtol": 1e-12, "atol": 1e-14}
-        return {**tight, **self.options}
+        rtol, atol = (1e-10, 1e-12) if system.model.smoothing else (1e-12, 1e-14)
+        chosen: dict[str, Any] = {"rtol": rtol, "atol": atol}
+        if self.scale is not None and len(self.scale.tolerance) == len(system.model.states):
+            chosen["atol"] = tuple(atol * size for size in self.scale.tolerance)
+        return {**chosen, **self.options}
+
+    @property
+    def unit(self) -> np.ndarray:
+        """Sizes of the states against which deviations are measured, shape (n,)."""
+        return np.ones(len(self.system.model.states)) if self.scale is None else np.array(self.scale.unit)
+
+    @property
+    def tolerance(self) -> np.ndarray:
+        """Absolute tolerances of the runs, shape (n,), in the units of the states."""
+        return np.broadcast_to(self._tight(self.system)["atol"], len(self.system.model.states))
+
+    def fitted(self, image: Image, before: np.ndarray | None = None) -> Any:
+        """The same map with the units of the states along an image that has derivatives.
+
+        Parameters
+        ----------
+        image : Image
+            Of a point of the orbit, or of a first guess.
+        before : ndarray, shape (n,), optional
+            How far each state moved on the way here, in its unit.
+
+        Returns
+        -------
+        Stroboscopic or Section
+            This one where they are its units already.
+        """
+        scale = scale_along(image.runs, image.jacobian, before)
+        if scale == self.scale:
+            return self
+        return self._with(scale=scale)
+
+    def careful(self, runs: Sequence[Solution]) -> Any:
+        """The same map with tolerances that suit how small populations become along runs.
+
+        Parameters
+        ----------
+        runs : sequence of Solution
+            Of this map.
+
+        Returns
+        -------
+        Stroboscopic or Section
+            This one where no state asks for smaller ones.
+        """
+        scale = scale_of_populations(runs, self.scale)
+        return self if scale == self.scale else self._with(scale=scale)
+
+    def tighter(self) -> Any:
+        """The same map with runs at a tenth of the relative tolerance.
+
+        Returns
+        -------
+        Stroboscopic or Section
+            What is an orbit of one is an orbit of the other, but for the tolerances.
+        """
+        return self._with(options={**self.options, "rtol": 0.1 * self._tight(self.system)["rtol"]})
+
+    def _with(self, **fields: Any) -> Any:
+        """The same map with other fields that need no checks."""
+        other = copy.copy(self)
+        for name, value in fields.items():
+            object.__setattr__(other, name, value)
+        return other
 
     def with_parameters(self, values: Mapping[Any, float]) -> Any:
         """The same map of the system with other parameter values.
@@ -295,4 +363,5 @@ def word_of(solution: Solution) -> Word:
 
 def after_start(solution: Solution) -> float:
     """A time just after the start: a start that sticks, but for a rounding of its velocity, is no event."""
-    return float(solution.t[0]) + 1e-11 * (1 + abs(float(solution.t[0])))
+    first, length = float(solution.t[0]), float(solution.t[-1] - solution.t[0])
+    return first + 1e-11 * (unit_of(length) + abs(first))

@@ -26,6 +26,7 @@ from ...paths.derivatives.linearised import linearise
 from ...results.records import Outcome
 from ...results.solution import Solution
 from .poincare import RETURN, Image, Leg, Word, _Map, lost, why_stopped, word_of
+from .scales import extents
 from .symmetry import symmetry_matrix
 from .variations import chosen_parameters, moved
 
@@ -33,6 +34,8 @@ __all__ = ["Image", "Section", "Stroboscopic", "Word", "word_of"]
 
 LONGEST = 1e3  # unit of the model's time: how long a return is waited for unless more is asked for
 _ROUNDING = 1e-12  # of a state: a start so near to its section has not left it
+_SLOW = 1e-12  # of the mean speed across the section on the way: slower, it is not crossed
+_FEW_STEPS = 300  # without a return in LONGEST: a run of fewer waits ten times as long
 _MOST_LEADS = 20  # each ten times as long: a start on its section is left after a few roundings of its states
 
 
@@ -335,7 +338,8 @@ class Section(_Map):
         if end == math.inf:
             h_w, f = self._gradient(at, chosen), found.rates
             speed = h_w[:n] @ f
-            if abs(speed) < 1e-12 * (1 + np.abs(f).max()):
+            usual = np.abs(h_w[:n]) @ extents((run,)) / time
+            if abs(speed) <= _SLOW * usual:
                 return lost(
                     n, (run,), f"it comes to rest on the section {self.surface} = 0, or only touches it."
                 )
@@ -345,28 +349,38 @@ class Section(_Map):
 
     def _to_return(self, x: np.ndarray, dense: bool) -> tuple[Solution, str]:
         """The run from a point of the section to its next return, and why there is none."""
-        lead = 0.0
+        lead, longest = 0.0, self.longest
         for _ in range(_MOST_LEADS):
             # Returns count from time 0 on: what begins before has left the section by then.
-            run = self._solve(self._watched, (-lead, self.longest), x, dense)
+            run = self._solve(self._watched, (-lead, longest), x, dense)
             if not any(e.switch == RETURN for e in run.events[-8:]):  # other switches may follow it in the log
-                break
+                if not self._waits_on(run):
+                    break
+                longest *= 10
+                continue
             if self._has_left(run):
                 return run, ""
             lead = 10 * lead + 2 * float(run.t[-1] + lead)
+            if lead > longest:
+                return run, f"it stays on the section {self.surface} = 0."
         else:
             return run, f"it stays on the section {self.surface} = 0."
         if run.outcome is Outcome.FINISHED:
             way = "rising" if self.direction > 0 else "falling"
             return run, (
-                f"it does not cross the section {self.surface} = 0 {way} within {self.longest:g} units of time: take a "
+                f"it does not cross the section {self.surface} = 0 {way} within {longest:g} units of time: take a "
                 "surface that the motion crosses, or the other `direction`."
             )
         return run, why_stopped(run)
 
+    def _waits_on(self, run: Solution) -> bool:
+        """Whether a run without a return was short, as its steps tell: the unit of time may be a small one."""
+        slow = run.outcome is Outcome.FINISHED and run.cost["steps"] < _FEW_STEPS
+        return slow and self.longest == LONGEST and bool(np.any(run.x[:, -1] != run.x[:, -2]))
+
     def _has_left(self, run: Solution) -> bool:
         """Whether the motion has come away from its start by more than roundings of it."""
-        slack = _ROUNDING * (1 + np.abs(run.x[:, 0]))
+        slack = _ROUNDING * (self.unit + np.abs(run.x[:, 0]))
         if np.any(np.abs(run.x - run.x[:, :1]) > slack[:, None]):
             return True
         # A closed orbit that one step goes around has no column off its start.

@@ -107,6 +107,16 @@ class Shooting:
     map: Any
     cuts: Cuts
 
+    @property
+    def unit(self) -> np.ndarray:
+        """Sizes of the states against which deviations are measured, shape (n,)."""
+        return self.map.unit
+
+    @property
+    def tolerance(self) -> np.ndarray:
+        """Absolute tolerances of the runs, shape (n,)."""
+        return self.map.tolerance
+
     def with_parameters(self, values: Mapping[Any, float]) -> Shooting:
         return Shooting(self.map.with_parameters(values), self.cuts)
 

@@ -9,7 +9,7 @@ Chain: periodic_orbit.py, fixed_points.py -> **orbits** -> continuation.py.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -18,9 +18,12 @@ import numpy as np
 from ...door import calls, checks
 from ...paths.budget import whole
 from ..maps.poincare import Image
+from ..maps.scales import extents, scale_at
 from ..maps.sections import LONGEST, Section, Stroboscopic, poincare_map
 from ..maps.segments import SHORT, TOO_LONG, Shooting, cut, growth, sizes
+from .absence import why_none
 from .fixed_points import SAME, newton, not_repeated, off_and_size, repeats_after, shot
+from .orders import in_both_orders
 from .periodic_orbit import PeriodicOrbit, none_found
 
 __all__ = ["find_orbit", "refine"]
@@ -113,12 +116,15 @@ def find_orbit(
     more = {} if section is not None else {"phase": phase, "symmetry": symmetry}
     first = poincare_map(system, period, section, direction, LONGEST, options, count=count or 1, **more)
     at = np.array(system.initial_state(x0), float)
+    first, begun = first._with(scale=scale_at(at)), None
     if section is not None:
         # The guess need not lie on the section: the first return does.
-        reached = first.image(at)
-        if not reached.success:
-            return none_found(first, at, f"from the first guess no return: {reached.reason}")
-        at = reached.x
+        begun = first.image(at)
+        if not begun.success:
+            return none_found(first, at, f"from the first guess no return: {begun.reason}")
+        if (careful := first.careful(begun.runs)) is not first:
+            first, begun = careful, careful.image(at)
+        at = begun.x
     if transient:
         points, reason = first._iterated(at, transient + 1)
         if reason:
@@ -127,13 +133,13 @@ def find_orbit(
             return none_found(first, at, f"the transient ended after {last.size} of {transient}: {reason}")
         at = points[-1]
         if count is None and symmetry is None:
-            first = replace(first, count=_recurrence(points, most))
-    return _refined(first, at, segments)
+            first = replace(first, count=_recurrence(points, most, first.unit))
+    return _refined(first, at, segments, begun)
 
 
-def _recurrence(points: np.ndarray, most: int) -> int:
+def _recurrence(points: np.ndarray, most: int, unit: np.ndarray) -> int:
     """After how many steps the last point has been nearest before; 1 if never near."""
-    size = 1 + np.abs(points[-1])
+    size = unit + np.abs(points[-1])
     back = np.array(
         [np.abs((points[-1] - points[-1 - k]) / size).max() for k in range(1, min(most, len(points) - 1) + 1)]
     )
@@ -166,30 +172,61 @@ def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
     return _refined(map_, np.array(map_.system.initial_state(x0), float))
 
 
-def _refined(map_: Stroboscopic | Section, x: np.ndarray, number: int | None = None) -> PeriodicOrbit:
-    """The orbit near a point: shot over in one piece if it can be and nothing else is asked for."""
+def _refined(
+    map_: Stroboscopic | Section, x: np.ndarray, number: int | None = None, begun: Image | None = None
+) -> PeriodicOrbit:
+    """The orbit near a point: shot over in one piece if it can be and nothing else is asked for.
+
+    `begun` is a return before a transient that has led to the point.
+    """
     image = map_.image(x, ())
+    if image.success and (careful := map_.careful(image.runs)) is not map_:
+        map_ = careful
+        image = map_.image(x, ())
+    first = [one for one in (begun, image) if one is not None and one.success]
     if number is not None and number > 1:
-        return _checked(_in_segments(map_, x, number))
+        return _checked(_fitted(_in_segments(map_, x, number), first), first)
     if not image.success:
         return none_found(map_, x, f"the trajectory from the first guess did not return: {image.reason}")
     orbit = newton(map_, x, image)
     if number is not None:
-        return _checked(orbit)
-    moved = _distance(orbit.x, x) if orbit.success else math.inf
+        return _checked(_fitted(orbit, first), first)
+    moved = _distance(orbit.x, x, map_.unit) if orbit.success else math.inf
     if moved > _NEAR and _leaves(x, image):
         other = _in_segments(map_, x, None)
-        if other.success and _distance(other.x, x) < moved:
-            return _checked(_in_one_piece(other) or other)
+        if other.success and _distance(other.x, x, map_.unit) < moved:
+            return _checked(_fitted(_in_one_piece(other) or other, first), first)
     if orbit.success and np.abs(orbit.map_multipliers).max(initial=0.0) > TOO_LONG:
         other = _in_segments(map_, orbit.x, None)
         orbit = other if other.success else orbit
-    return _checked(orbit)
+    return _checked(_fitted(orbit, first), first)
 
 
-def _distance(a: np.ndarray, b: np.ndarray) -> float:
+def _fitted(orbit: PeriodicOrbit, first: Sequence[Image]) -> PeriodicOrbit:
+    """The same orbit in its own units, where it is of another size than the first guess."""
+    if (
+        not orbit.success
+        or orbit.segments is None
+        and np.abs(orbit.map_multipliers).max(initial=0.0) > TOO_LONG
+    ):
+        return orbit
+    whole, x = (orbit.map, orbit.x) if orbit.segments is None else (
+        Shooting(orbit.map, orbit.segments.cuts), orbit.segments.nodes.ravel()
+    )  # fmt: skip
+    before = np.max([extents(image.runs) for image in first], axis=0) if first else None
+    if (fitted := orbit.map.fitted(whole.image(x, ()), before)) is orbit.map:
+        return orbit
+    whole, kept = (fitted, (False, False)) if orbit.segments is None else (
+        Shooting(fitted, orbit.segments.cuts), orbit.segments.kept
+    )  # fmt: skip
+    image = whole.image(x, ())
+    other = newton(whole, x, image, kept) if image.success else orbit
+    return replace(other, steps=orbit.steps + other.steps) if other.success else other
+
+
+def _distance(a: np.ndarray, b: np.ndarray, unit: np.ndarray) -> float:
     """Of two points, relative to the states' size."""
-    return float(np.abs((a - b) / (1 + np.abs(b))).max(initial=0.0))
+    return float(np.abs((a - b) / (unit + np.abs(b))).max(initial=0.0))
 
 
 def _leaves(x: np.ndarray, image: Image) -> bool:
@@ -205,7 +242,7 @@ def _in_one_piece(orbit: PeriodicOrbit) -> PeriodicOrbit | None:
         return None
     image = orbit.map.image(orbit.x, ())
     whole = newton(orbit.map, orbit.x, image) if image.success else orbit
-    near = _distance(whole.x, orbit.x) <= SAME
+    near = _distance(whole.x, orbit.x, orbit.map.unit) <= SAME
     return replace(whole, steps=orbit.steps, message=orbit.message) if whole.success and near else None
 
 
@@ -227,7 +264,7 @@ def _in_segments(map_: Stroboscopic | Section, x: np.ndarray, number: int | None
         guesses.append((shooting, nodes, shooting.image(nodes, ()), (number is not None, held)))
     begun = [guess for guess in guesses if guess[2].success]
     orbit = none_found(map_, x, "the segments from the first guess do not end.")
-    for shooting, nodes, image, kept in sorted(begun, key=lambda guess: off_and_size(guess[1], guess[2])[1]):
+    for shooting, nodes, image, kept in sorted(begun, key=lambda guess: off_and_size(*guess[:3])[1]):
         orbit = newton(shooting, nodes, image, kept)
         if orbit.success:
             return orbit if number is not None else _cut_anew(orbit)
@@ -252,12 +289,18 @@ def _cut_anew(orbit: PeriodicOrbit) -> PeriodicOrbit:
     return replace(other, steps=orbit.steps, message=orbit.message) if other.success else orbit
 
 
-def _checked(orbit: PeriodicOrbit) -> PeriodicOrbit:
-    """A converged orbit with what is to be said of it: that it does not repeat, is shorter, or not isolated."""
+def _checked(orbit: PeriodicOrbit, first: Sequence[Image] = ()) -> PeriodicOrbit:
+    """A converged orbit with what is to be said of it: that it does not repeat, is shorter, or not isolated.
+
+    `first` are returns from before Newton's method.
+    """
+    if broken := why_none(orbit, first):
+        return replace(orbit, success=False, message=broken)
     if not orbit.success:
         return orbit
     if broken := not_repeated(orbit):
         return replace(orbit, success=False, message=broken)
+    orbit = in_both_orders(orbit)
     map_, count = orbit.map, repeats_after(orbit)
     if count < map_.count:
         shorter = refined_to(orbit, count)

@@ -23,12 +23,15 @@ import numpy as np
 
 from ...definition import pointwise
 from ..maps.poincare import Image, why_stopped
+from ..maps.scales import extents, fastest, unit_of
 from ..maps.sections import Section, Stroboscopic, depends_on_time
 from ..maps.segments import Segments, Shooting
 from .periodic_orbit import PeriodicOrbit, none_found
 
-TOLERANCE = 1e-11  # of the return, relative to the states' size: a few roundings of a period
+TOLERANCE = 1e-11  # of what a return moves: a few roundings of a period
+_TOLERATED = 10.0  # times the absolute tolerance of a run: what its steps may be off by
 _ROUNDINGS = 1e-3  # times TOLERANCE: returns of one x scatter by some ten roundings of it, times their growth
+_TIMES = 2e-15  # of the time of a return: roundings of the instants in it
 _MOST_STEPS = 30
 SAME = 1e-6  # relative to the states' size: nearer together two points are one, converged to TOLERANCE or not quite
 _REPEATED = 1e3  # times the tolerance of the runs: what they differ by in one period and in the next
@@ -51,36 +54,44 @@ def newton(
     image: Image,
     kept: tuple[bool, bool] = (False, False),
 ) -> PeriodicOrbit:
-    off, size = off_and_size(x, image)
+    """Newton's method from a point with this image; unknowns in units of what its return moves."""
+    moves = extents(image.runs)
+    unit = [unit_of(move) if move > 0 else own for move, own in zip(moves.tolist(), map_.unit.tolist())]
+    unit = np.tile(unit, len(x) // len(unit))
+    off, size_off = off_and_size(map_, x, image, moves)
     steps = 0
-    while size > TOLERANCE and steps < _MOST_STEPS:
+    while size_off > TOLERANCE and steps < _MOST_STEPS:
         slope, step = image.jacobian - np.eye(len(x)), np.zeros(len(x))
+        slope *= unit / unit[:, None]
         # A component that the map leaves at its start (a memory that events put back) keeps the first guess.
         free = (off != 0) | (np.abs(slope).max(axis=1) > PINNED)
-        step[free] = np.linalg.lstsq(slope[:, free], -off, rcond=1e-13)[0]
-        step[pinned(image)] = off[pinned(image)]
-        closer = _shortened(map_, x, step, size)
+        step[free] = np.linalg.lstsq(slope[:, free], -off / unit, rcond=1e-13)[0] * unit[free]
+        fixed = pinned(image, unit)
+        step[fixed] = off[fixed]
+        closer = _shortened(map_, x, step, size_off, moves)
         if closer is None:
             break
         x, image = closer
-        off, size = off_and_size(x, image)
+        moves = np.maximum(moves, extents(image.runs))
+        off, size_off = off_and_size(map_, x, image, moves)
         steps += 1
-    success = size <= TOLERANCE
+    success = size_off <= TOLERANCE
     message = f"Newton's method converged in {steps} steps."
     if not success:
         message = (
-            f"Newton's method stopped after {steps} steps, |P(x) - x| = {size:.2g}: give a guess nearer to the "
-            "orbit, a `transient`, or another `phase`."
+            f"Newton's method stopped after {steps} steps, |P(x) - x| = {size_off:.2g} of what a return moves: give a "
+            "guess nearer to the orbit, a `transient`, or another `phase`."
         )
-    return orbit_of(map_, x, image, size, steps, success, message, kept)
+    return orbit_of(map_, x, image, size_off, steps, success, message, kept)
 
 
-def pinned(image: Image) -> np.ndarray:
+def pinned(image: Image, unit: Any = 1.0) -> np.ndarray:
     """Which components come back the same from every start nearby, bool (n,): v = 0 in a stick.
 
-    They are set to that: a rounding would leave the surface.
+    They are set to that: a rounding would leave the surface. `unit` are the sizes of the states.
     """
-    return np.abs(np.hstack([image.jacobian, image.by_parameter])).max(axis=1) <= PINNED
+    moved = np.hstack([image.jacobian * unit, image.by_parameter])
+    return np.abs(moved).max(axis=1) <= PINNED * unit
 
 
 def orbit_of(
@@ -96,28 +107,45 @@ def orbit_of(
     """The orbit of a fixed point of a Poincare map, or of the shift map of its segments."""
     if not isinstance(map_, Shooting):
         return PeriodicOrbit(
-            map_, x, size, image.jacobian, image.word, image.time, steps, success, message, image.degenerate
-        )
+            map_, x, size, image.jacobian, image.word, image.time, steps, success, message, image.degenerate,
+            moves=extents(image.runs),
+        )  # fmt: skip
     matrices, nodes = map_.matrices(image.jacobian), x.reshape(map_.number, -1)
     product = functools.reduce(lambda total, matrix: matrix @ total, matrices)
     return PeriodicOrbit(
         map_.map, nodes[0], size, product, image.word, image.time, steps, success, message, image.degenerate,
-        Segments(map_.cuts, nodes, matrices, *kept),
+        Segments(map_.cuts, nodes, matrices, *kept), extents(image.runs),
     )  # fmt: skip
 
 
-def off_and_size(x: np.ndarray, image: Image) -> tuple[np.ndarray, float]:
+def off_and_size(
+    map_: Any, x: np.ndarray, image: Image, moves: np.ndarray | None = None
+) -> tuple[np.ndarray, float]:
     off = image.x - x
-    return off, relative(off, x, image)
+    return off, relative(map_, off, x, image, moves)
 
 
-def relative(off: np.ndarray, x: np.ndarray, image: Image) -> float:
-    """The largest part of P(x) - x, relative to the states' size and to what roundings of them grow to."""
-    size = 1 + np.abs(x) + _ROUNDINGS * (np.abs(image.jacobian) @ np.abs(x))
-    return float(np.abs(off / size).max(initial=0.0))
+def relative(map_: Any, off: np.ndarray, x: np.ndarray, image: Image, moves: np.ndarray | None = None) -> float:
+    """The largest part of P(x) - x, relative to what the return moves.
+
+    Beside that stand what roundings of x and of times lead to, and the absolute tolerance of the runs. A state that
+    does not move any more (one that has died down) is measured by how far it moved before, `moves` (without them by its
+    unit), as far as the others still do.
+    """
+    here = extents(image.runs)
+    before = np.maximum(map_.unit if moves is None else moves, here)
+    moving = before > 0
+    left = float((here[moving] / before[moving]).max(initial=0.0))
+    least = (_TOLERATED * map_.tolerance + _TIMES * fastest(image.runs)) / TOLERANCE
+    size = np.tile(here + left * before + least, len(x) // len(here))
+    size += _ROUNDINGS * (np.abs(x) + np.abs(image.jacobian) @ np.abs(x))
+    with np.errstate(invalid="ignore"):
+        return float(np.abs(np.where(off == 0, 0.0, off / size)).max(initial=0.0))
 
 
-def _shortened(map_: Any, x: np.ndarray, step: np.ndarray, size: float) -> tuple[np.ndarray, Image] | None:
+def _shortened(
+    map_: Any, x: np.ndarray, step: np.ndarray, size: float, moves: np.ndarray
+) -> tuple[np.ndarray, Image] | None:
     """The first of x + step, x + step/2, ... whose return is better; the whole step beside a corner of the map."""
     fallback = None
     for k in range(8):
@@ -126,7 +154,7 @@ def _shortened(map_: Any, x: np.ndarray, step: np.ndarray, size: float) -> tuple
         image = map_.image(trial, ())
         if not image.success:
             continue
-        new = off_and_size(trial, image)[1]
+        new = off_and_size(map_, trial, image, moves)[1]
         if new < size or new <= TOLERANCE:
             return trial, image
         # Across a change of itinerary the derivative is a different one: a step to a worse return may still lead on.
@@ -154,35 +182,61 @@ def onto_section(map_: Any, x: np.ndarray) -> np.ndarray:
 
 def not_repeated(orbit: PeriodicOrbit) -> str:
     """What does not repeat in the period that follows, in words with a remedy; empty if all does."""
-    map_, x = orbit.map, orbit.x
+    map_, x = orbit.map.tighter(), orbit.x
     if isinstance(map_, Section):
-        return ""
+        return _not_back(orbit, map_)
     if orbit.segments is not None:
         return _not_repeated_in_segments(orbit)
     times = map_.start_time + orbit.period * np.array([1.0, 2.0])
     run = map_._over(x, 2 * orbit.period, times=times)
     if len(run.t) < 2 or run.t[-1] < times[-1]:
         return f"the orbit closes after one period, but is not run through in the next: {why_stopped(run)}"
-    growth = np.linalg.norm(orbit.jacobian) ** (2 if orbit.symmetric else 1)
+    unit = map_.unit
+    growth = np.linalg.norm(orbit.jacobian * unit / unit[:, None]) ** (2 if orbit.symmetric else 1)
     # What a period is off grows once more in the next one.
     slack = _REPEATED * max(run.tolerances["rtol"], TOLERANCE) * (1 + growth) * np.array([1.0, 1 + growth])
-    off = np.abs(run.x - x[:, None]) / (1 + np.abs(x[:, None]))
+    off = np.abs(run.x - x[:, None]) / (unit + np.abs(x))[:, None]
     moved = np.flatnonzero((off > (np.sqrt(slack) if orbit.degenerate else slack)).any(axis=1))
     if not moved.size:
         return ""
     return _why_not_repeated(orbit, moved, off.max(axis=1)[moved], x, run.x)
 
 
+def _not_back(orbit: PeriodicOrbit, map_: Section) -> str:
+    """The same of returns, at another tolerance and, in segments, from point to point."""
+    unit = map_.unit
+    starts, matrices = orbit.x[None], orbit.jacobian[None]
+    legs: list[Any] = [(0, 0.0, math.inf)]
+    if orbit.segments is not None:
+        starts, matrices = orbit.segments.nodes, orbit.segments.matrices
+        legs = Shooting(map_, orbit.segments.cuts).legs
+    targets = np.roll(starts, -1, axis=0)
+    for start, target, leg, matrix in zip(starts, targets, legs, matrices):
+        image = map_.image(start) if orbit.segments is None else map_.leg(start, leg)
+        if not image.success:
+            return f"the orbit closes, but its next return is none at another tolerance: {image.reason}"
+        growth = float(np.linalg.norm(matrix * unit / unit[:, None]))
+        slack = _REPEATED * max(image.runs[0].tolerances["rtol"], TOLERANCE) * (1 + growth)
+        off = np.abs(image.x - target) / (unit + np.abs(target))
+        if not (off <= (math.sqrt(slack) if orbit.degenerate else slack)).all():
+            k = int(np.argmax(off))
+            return (
+                f"no orbit of period {orbit.period:.9g}: {orbit.system.model.states[k]} is {target[k]:.9g}, and at "
+                f"another tolerance it comes back to {image.x[k]:.9g}; give a smaller `rtol`, or another `section`."
+            )
+    return ""
+
+
 def _not_repeated_in_segments(orbit: PeriodicOrbit) -> str:
     """The same, segment by segment."""
-    matrices = orbit.segments.matrices  # type: ignore[union-attr]
+    unit, matrices = orbit.map.unit, orbit.segments.matrices  # type: ignore[union-attr]
     for k, (target, run) in enumerate(orbit._legs(1)):
         slack = (
             _REPEATED
             * max(run.tolerances["rtol"], TOLERANCE)
-            * (1 + np.linalg.norm(matrices[k % len(matrices)]))
+            * (1 + np.linalg.norm(matrices[k % len(matrices)] * unit / unit[:, None]))
         )
-        off = np.abs(run.x[:, -1] - target) / (1 + np.abs(target))
+        off = np.abs(run.x[:, -1] - target) / (unit + np.abs(target))
         moved = np.flatnonzero(~(off <= (math.sqrt(slack) if orbit.degenerate else slack)))
         if moved.size:
             return _why_not_repeated(orbit, moved, off[moved], target, np.stack([run.x[:, -1]] * 2, axis=1))
@@ -219,5 +273,5 @@ def repeats_after(orbit: PeriodicOrbit) -> int:
         points = replace(orbit.map, count=1).iterate(orbit.x, count)
     else:
         points = np.array([orbit.after(k) for k in range(1, count + 1)])
-    back = np.abs((points - orbit.x) / (1 + np.abs(orbit.x))).max(axis=1) <= SAME
+    back = np.abs((points - orbit.x) / (orbit.map.unit + np.abs(orbit.x))).max(axis=1) <= SAME
     return next((d for d in range(1, count) if count % d == 0 and back[d - 1]), count)

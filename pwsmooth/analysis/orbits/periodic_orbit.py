@@ -43,7 +43,8 @@ class PeriodicOrbit(Described):
     x : ndarray, shape (n,)
         The point on the section, in the units of the states.
     residual : float, dimensionless
-        Largest |P(x) - x|, relative to 1 + |x| (and to 1e-3 |D P| |x|: what roundings of x grow to counts little).
+        Largest |P(x) - x|, relative to what the return moves (and to 1e-3 |D P| |x|: what roundings of x grow to
+        counts little).
     jacobian : ndarray, shape (n, n)
         D P at x (of the half-period map where `map` has a symmetry), in the units of the states; with segments the
         product of their matrices.
@@ -61,6 +62,13 @@ class PeriodicOrbit(Described):
         Where the map has no derivative at this orbit (grazing, corners).
     segments : Segments or None
         How it was shot over, where deviations grow too much for one piece.
+    moves : ndarray, shape (n,)
+        From the smallest to the largest value of each state in one application of the map, in the units of the states.
+    corner : bool
+        Whether it meets two surfaces at one instant and deviations go on differently in either order: then its
+        multipliers are those of one order.
+    accuracy : float, dimensionless
+        To which its multipliers are known.
 
     The orbit of dx/dt = cos t - x has the multiplier exp(-2 pi):
 
@@ -81,6 +89,9 @@ class PeriodicOrbit(Described):
     message: str
     degenerate: tuple[str, ...] = ()
     segments: Segments | None = None
+    moves: np.ndarray | None = None
+    corner: bool = False
+    accuracy: float = MULTIPLIERS
 
     @property
     def system(self) -> Any:
@@ -111,10 +122,12 @@ class PeriodicOrbit(Described):
     @property
     def _matrices(self) -> list[np.ndarray]:
         """Whose product has the multipliers: of the segments, or D P."""
+        unit = self.map.unit  # one that all states have changes no bit
         matrices = [self.jacobian] if self.segments is None else list(self.segments.matrices)
+        matrices = [matrix * unit / unit[:, None] for matrix in matrices]
         if isinstance(self.map, Section):
             # Tangent to the section: the direction across it would only add an eigenvalue 0.
-            normal = self.map.gradient(self.x)
+            normal = self.map.gradient(self.x) * unit
             basis = np.linalg.svd(normal[None])[2][1:].T
             matrices[0] = matrices[0] @ basis
             matrices[-1] = basis.T @ matrices[-1]
@@ -142,13 +155,13 @@ class PeriodicOrbit(Described):
 
     @property
     def stable(self) -> bool:
-        """Whether all multipliers lie inside the unit circle, by more than their own rounding."""
-        return bool(np.all(np.abs(self.multipliers) < 1 - MULTIPLIERS))
+        """Whether it is an orbit whose multipliers lie inside the unit circle, by more than their own rounding."""
+        return self.success and not self.corner and bool(np.all(np.abs(self.multipliers) < 1 - self.accuracy))
 
     @property
     def isolated(self) -> bool:
         """Whether no multiplier of the map is 1: where one is, orbits beside it may be periodic too."""
-        return not np.any(np.abs(self.map_multipliers - 1) <= MULTIPLIERS)
+        return not np.any(np.abs(self.map_multipliers - 1) <= self.accuracy)
 
     @property
     def start(self) -> dict[str, float]:
@@ -222,12 +235,16 @@ class PeriodicOrbit(Described):
         One run, which leaves the orbit as fast as its multipliers say: for those of 1e8 and more take `runs`.
         """
         t0 = self.map.start_time if isinstance(self.map, Stroboscopic) else 0.0
-        chosen = {"rtol": 1e-10, "dense_output": True, **self.map.options, **options}
+        atol = {} if self.map.scale is None else {"atol": self.map.tolerance}
+        chosen = {"rtol": 1e-10, "dense_output": True, **atol, **self.map.options, **options}
         return solve(self.system, (t0, t0 + periods * self.period), list(map(float, self.x)), **chosen)
 
     def _described(self) -> tuple[str, Rows]:
-        unstable = np.any(np.abs(self.multipliers) > 1 + MULTIPLIERS)
-        holds = {"stable": self.stable, "unstable": unstable, "neutral": self.isolated, "not isolated": True}
+        unstable = np.any(np.abs(self.multipliers) > 1 + self.accuracy)
+        holds = {
+            "undecided (a corner)": self.corner, "stable": self.stable, "unstable": unstable, "neutral": self.isolated,
+            "not isolated": True,
+        }  # fmt: skip
         kind = ("symmetric " if self.symmetric else "") + next(word for word in holds if holds[word])
         pieces = (
             f", in {len(self.segments)} segments"
