@@ -37,8 +37,13 @@ _FALLS = 8  # steps of the orbit at least, at which its Lyapunov function has to
 _ROUNDS = 4  # of leading on: with 0, 1, 3 and 7 transients before the window
 _AFFINE = 1e-2  # of the points' spread, by which they may miss an affine map: Newton's method does the rest
 _TRIALS = 32  # orbits that are looked for by Newton's method in a round
-_NEAR = 1e-3  # of an orbit, relative to 1 + abs(x): there its map is as good as linear, and one fall tells
-_SAME = 1e-3  # nearer than that, relative to 1 + abs(x), two guesses are one
+_NEAR = (
+    1e-3  # of an orbit, relative to the states' size: there its map is as good as linear, and one fall tells
+)
+_EVEN = 1e-6  # of what a period moves a running state on by
+_STILL = 1e-6  # of the size of the states: what a motion at rest still moves
+_ONWARD = 10.0  # times what it goes to and fro: how far a running state goes on in the points
+_SAME = 1e-3  # nearer than that, relative to the states' size, two guesses are one
 
 
 @dataclass(frozen=True)
@@ -58,6 +63,12 @@ class _Attractor:
     """An attracting orbit as what trajectories come to."""
 
     orbit: PeriodicOrbit
+    unit: np.ndarray  # of the states, (n,)
+
+    @property
+    def size(self) -> np.ndarray:
+        """Of the states, (n,): their units and what they are."""
+        return self.unit + np.abs(self.orbit.x)
 
     @functools.cached_property
     def points(self) -> np.ndarray:
@@ -66,14 +77,14 @@ class _Attractor:
 
     @functools.cached_property
     def form(self) -> np.ndarray:
-        """P of its Lyapunov function, in units of 1 + abs(x)."""
+        """P of its Lyapunov function, in units of the states' size."""
         from scipy.linalg import solve_discrete_lyapunov
 
-        size = 1 + np.abs(self.orbit.x)
+        size = self.size
         return solve_discrete_lyapunov((self.orbit.jacobian * size / size[:, None]).T, np.eye(len(size)))
 
     def meets(self, x: np.ndarray, tol: float) -> bool:
-        return any(_near(x, point, tol) for point in self.points)
+        return any(_near(x, point, tol, self.unit) for point in self.points)
 
     def draws_in(self, points: np.ndarray, tol: float) -> bool:
         """Whether its Lyapunov function falls along a trajectory's points (number, n), until they are at the orbit."""
@@ -85,14 +96,14 @@ class _Attractor:
     def _falls(self, points: np.ndarray, tol: float) -> np.ndarray:
         """Where its Lyapunov function falls from one of points (..., number, n) to the next, or is at the orbit."""
         x = self.orbit.x
-        off = (points - x) / (1 + np.abs(x))
+        off = (points - x) / self.size
         height, share = np.einsum("...i,ij,...j->...", off, self.form, off), (off**2).sum(axis=-1)
         return (height[..., 1:] <= height[..., :-1] - share[..., :-1] / 2) | (share[..., :-1] <= tol**2)
 
     def draws_near(self, points: np.ndarray, tol: float) -> np.ndarray:
         """Of many trajectories (trajectories, points, n) which are near the orbit, with its function falling."""
         count, last = self.orbit.map.count, points.shape[1] - 1
-        scaled = (points[:, -1, None] - self.points) / (1 + np.abs(self.points))
+        scaled = (points[:, -1, None] - self.points) / (self.unit + np.abs(self.points))
         off = np.abs(scaled).max(axis=2)
         near, phase = off.min(axis=1) <= _NEAR, off.argmin(axis=1)
         for j in range(count):  # the orbit's own point is met j steps before the last
@@ -121,8 +132,9 @@ class Attractors:
 
     def label(
         self, ends: Ends, transient: int, lead_on: Callable[[np.ndarray, int], Ends]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Every trajectory's label, an index into `found`, and why it has none, each (trajectories,).
+    ) -> tuple[np.ndarray, np.ndarray, dict[int, np.ndarray]]:
+        """Every trajectory's label, an index into `found`, and why it has none, each (trajectories,); and the last
+        points (number, n) of those that are led on in vain.
 
         `lead_on(starts, turns)` leads trajectories on from these starts, unseen for so many periods or returns and
         seen for `window` more.
@@ -137,6 +149,10 @@ class Attractors:
             still = (labels[waiting] == UNSETTLED) & (reasons[waiting] == "")
             waiting, ends = waiting[still], ends.only(still)
             if k > 0:
+                names = [s.name for s in self.map.system.model.states]
+                reasons[waiting] = [running(x, self.longest, names, self.map.unit) for x in ends.points]
+                still = reasons[waiting] == ""
+                waiting, ends = waiting[still], ends.only(still)
                 for i, (label, reason) in zip(waiting, self._drawn_in(ends)):
                     labels[i], reasons[i] = label, reason
                 still = labels[waiting] == UNSETTLED
@@ -152,7 +168,7 @@ class Attractors:
                 f"unsettled: after {done} {turns} it neither repeats nor is near an orbit; it is chaotic, "
                 "quasi-periodic, or slow: give a larger `transient`."
             )
-        return labels, reasons
+        return labels, reasons, dict(zip(waiting.tolist(), ends.points))
 
     def by_size(self, labels: np.ndarray) -> tuple[list[PeriodicOrbit], np.ndarray]:
         """The attractors, the largest basin first, and the labels that are indices into this list."""
@@ -181,13 +197,13 @@ class Attractors:
                 label = FAILED if outcome < 0 and outcome != NO_RETURN else None
             elif count > 0:
                 label = self._known(at, 10 * self.tol)
-                known = [why for n, x, why in tried if n == count and _near(at, x, self.tol)]
+                known = [why for n, x, why in tried if n == count and _near(at, x, self.tol, self.map.unit)]
                 if label is None and known:
                     reason = known[0]
                 elif label is None:
                     new, reason = self._attracting(count, at)
                     # A slow one seems to repeat before it is there.
-                    if new is not None and _near(new.orbit.x, at, 100 * self.tol):
+                    if new is not None and _near(new.orbit.x, at, 100 * self.tol, self.map.unit):
                         label = self._index(new)
                     else:
                         tried.append((count, at, reason))
@@ -202,7 +218,11 @@ class Attractors:
             drawing = next((known for known in self.found if known.draws_in(points, self.tol)), None)
             reason = ""
             for count, guess in () if drawing is not None else _centres(points, self.longest):
-                beside = [(new, why) for n, x, new, why in tried if n == count and _near(guess, x, _SAME)]
+                beside = [
+                    (new, why)
+                    for n, x, new, why in tried
+                    if n == count and _near(guess, x, _SAME, self.map.unit)
+                ]
                 if not beside and len(tried) == _TRIALS:
                     break
                 if not beside:
@@ -232,9 +252,11 @@ class Attractors:
         """The attractor to which Newton's method leads from a point; or None, and what the orbit there lacks."""
         orbit = refine(replace(self.map, count=count), at)
         if not orbit.success:
-            return None, ""
+            return None, f"rest: {orbit.message}" if " rest" in orbit.message else ""
+        if orbit.rest and not orbit.stable:
+            return None, "rest: it stands still, and so does what starts beside it, elsewhere."
         if orbit.stable:
-            return _Attractor(orbit), ""
+            return _Attractor(orbit, self.map.unit), ""
         size = np.abs(orbit.multipliers).max()
         return None, f"unsettled: it is at an orbit that has a multiplier of size {size:.9g}."
 
@@ -255,5 +277,24 @@ def _centres(points: np.ndarray, longest: int) -> Iterator[tuple[int, np.ndarray
             yield count, middle + np.linalg.lstsq(slope, fitted[-1], rcond=1e-9)[0]
 
 
-def _near(a: np.ndarray, b: np.ndarray, tol: float) -> bool:
-    return bool(np.all(np.abs(a - b) <= tol * (1 + np.abs(b))))
+def running(x: np.ndarray, longest: int, states: list[str], unit: np.ndarray) -> str:
+    """The name of a running motion of these points; empty for others."""
+    for count in range(1, min(longest, len(x) // 3) + 1):
+        on = x[count:] - x[:-count]
+        step = on[-1]
+        even = np.abs(on[-count - 1 :] - step).max(axis=0) <= _EVEN * (unit + np.abs(step))
+        k = int(np.argmax(np.abs(step) / unit))
+        if even.all() and abs(step[k]) > 1e3 * _EVEN * unit[k]:
+            return f"running: {states[k]} by {step[k]:.6g} in {count}"
+    on = np.diff(x, axis=0)
+    ways = np.abs(on.mean(axis=0)) * len(on)
+    off = np.ptp(x - np.arange(len(x))[:, None] * on.mean(axis=0), axis=0) + _STILL * (unit + np.abs(x[-1]))
+    goes = ((on > 0).all(axis=0) | (on < 0).all(axis=0)) & (ways > _ONWARD * off)
+    if goes.any():
+        k = int(np.argmax(goes))
+        return f"running: {states[k]} by {on[:, k].mean():.4g} in 1 on average"
+    return ""
+
+
+def _near(a: np.ndarray, b: np.ndarray, tol: float, unit: np.ndarray) -> bool:
+    return bool(np.all(np.abs(a - b) <= tol * (unit + np.abs(b))))

@@ -17,14 +17,18 @@ from typing import Any
 import numpy as np
 
 from ..analysis.lyapunov import lyapunov_exponents
+from ..analysis.maps.scales import scale_along
 from ..analysis.maps.sections import LONGEST, poincare_map
 from ..analysis.orbits.periodic_orbit import PeriodicOrbit
+from ..definition.lambdified import numpy_function
 from ..door import calls, checks
 from ..door.describe import Described, Rows, number
 from ..paths.budget import whole
 from ..results.records import Outcome
 from .attractors import FAILED, UNSETTLED, Attractors, Ends
+from .axes import read_axes
 from .chunk import run_chunk
+from .kinds import FAILURE, NOT_SETTLED, kind_of, kinds_of, rests
 from .measures import Period, Points
 from .plan import why_not
 from .refining import SweepPlan, in_chunks, make_plan, ordered
@@ -32,7 +36,9 @@ from .refining import SweepPlan, in_chunks, make_plan, ordered
 __all__ = ["FAILED", "UNSETTLED", "Basins", "OrbitDiagram", "basins", "orbit_diagram", "refine_basins"]
 
 _TURNS = 6  # periods or returns between two looks at where a trajectory is
-_SCOUTS = 8  # starts that look for the first attractors
+_SCOUTS = 8  # starts that look for the first attractors, and for the units of the states
+_RESTING = 64  # starts without a return that are looked at for a rest
+_ATOL = 1e-12  # solve's own, of a state of size 1
 
 
 @checks.door()
@@ -43,15 +49,19 @@ class Basins(Described):
     Attributes
     ----------
     axes : dict of str to ndarray, shape (number of values,)
-        Name of a state -> its values, in its unit.
+        Name of a state or parameter -> its values, in its unit.
     labels : ndarray of int
         Index into `attractors`, dimensionless, of the shape of the axes; -1 where the trajectory had not become
         periodic, -2 where it failed.
     attractors : list of PeriodicOrbit
-        In the order of the size of their basins.
+        In the order of the size of their basins, each with the parameters of its system: along an axis of a parameter
+        each value has its own.
     reasons : ndarray of str, dimensionless, of the shape of the axes
-        Why a start has no attractor, in words that begin with "slow", "unsettled", "no return" or
+        Why a start has no attractor, in words that begin with "slow", "unsettled", "rest", "running", "no return" or
         the name of the outcome; empty where it has one.
+    kinds : ndarray of str, dimensionless, of the shape of the axes
+        What a start comes to: "rest", "orbit of period n", "running: ..." by how much, "quasi-periodic",
+        "chaotic: ..." with its exponent, "not settled" or "failed".
 
     Of x -> x + (x - x^3)/2 the fixed points -1 and 1 attract, and 0 separates:
 
@@ -66,6 +76,7 @@ class Basins(Described):
     labels: np.ndarray
     attractors: list[PeriodicOrbit]
     reasons: np.ndarray
+    kinds: np.ndarray
 
     @property
     def shares(self) -> np.ndarray:
@@ -95,10 +106,12 @@ class Basins(Described):
         rows: list[tuple[str, list[str]]] = []
         for orbit, share in zip(self.attractors, self.shares):
             sizes = ", ".join(map(number, orbit.multipliers))
-            rows.append((f"{share:.1%}", [f"period {orbit.period:.9g}, multipliers {sizes}"]))
-        for label, word in ((UNSETTLED, "unsettled"), (FAILED, "failed")):
-            if share := np.mean(self.labels == label):
-                rows.append((f"{share:.1%}", [word]))
+            kind = f"{kind_of(orbit)}, " if orbit.rest or orbit.map.count > 1 else ""
+            rows.append((f"{share:.1%}", [f"{kind}period {orbit.period:.9g}, multipliers {sizes}"]))
+        kinds, numbers = np.unique(self.kinds[self.labels < 0].astype(str), return_counts=True)
+        rows += [
+            (f"{many / self.kinds.size:.1%}", [kind]) for kind, many in zip(kinds.tolist(), numbers.tolist())
+        ]
         return f"Basins of {len(self.attractors)} attractors, from {starts}", rows
 
 
@@ -127,13 +140,17 @@ def basins(
 
     Parameters
     ----------
+    axes : mapping of name to sequence of float, any length
+        Starts of states, and parameters, in the units of the model.
     section : Expr
         A surface, function of states, that an autonomous system crosses, as in `find_orbit`. Two starts that meet one
         orbit at different phases cross it in the same points.
+    start : mapping of state to float or Expr
+        Of the states without an axis; an expression of names of the axes follows them, as {v: -2*x}.
     transient : int
         Periods or returns before a trajectory is looked at. Slow ones are led on (see Notes).
     tol : float, dimensionless
-        How near to an orbit a trajectory has come after the transient, in states (relative to 1 + abs(x)).
+        How near to an orbit a trajectory has come after the transient, relative to the size of the states.
     **options
         For `sweep`: executor, workers, store, rtol, parameters, ...; `max_steps` bounds each start and all that follows
         the sweep, `max_seconds` the whole call.
@@ -166,13 +183,74 @@ def basins(
     >>> [f"{sp.Float(found.attractors[k].x[0], 4)}" for k in found.labels]
     ['1.000', '1.000', '3.000']
     """
-    search = _Search(system, period, section, direction, longest_return, longest, tol, options)
-    first = search.ends(axes, 2 * longest, longest, start=start, transient=transient)
-    labels, reasons = search.attractors.label(first, transient, search.lead_on)
-    orbits, labels = search.attractors.by_size(labels)
-    axis_values = {str(getattr(key, "name", key)): np.asarray(values, float) for key, values in axes.items()}
-    shape = tuple(len(values) for values in axis_values.values())
-    return Basins(axis_values, labels.reshape(shape), orbits, reasons.reshape(shape))
+    where = read_axes(system, axes, None)
+    if strangers := [name for name, kind in where.kinds.items() if kind not in ("state", "parameter")]:
+        raise ValueError(
+            f"`axes` names {strangers[0]!r}, which is no state or parameter; give starts and parameters."
+        )
+    columns, moved = where.columns(0, where.size), {s.name for s in system.states}
+    starts = {name: column for name, column in columns.items() if name in moved}
+    fixed = {str(key): value for key, value in (start or {}).items()}
+    for name in [name for name, value in fixed.items() if getattr(value, "free_symbols", None)]:
+        starts[name] = _following(fixed.pop(name), name, columns)
+    labels = np.full(where.size, UNSETTLED)
+    reasons, kinds = np.full(where.size, "", object), np.full(where.size, "", object)
+    attractors: list[PeriodicOrbit] = []
+    values = [name for name in columns if name not in moved]
+    if values and options.get("store") is not None:
+        raise ValueError("`store` is given, but `axes` has a parameter; keep a store for each of its values.")
+    if not starts:
+        raise ValueError("`axes` has no state; give starts, such as {x: [0.0, 1.0]}, or use orbit_diagram().")
+    chosen = np.unique(np.stack([columns[name] for name in values]), axis=1).T if values else [()]
+    for one in chosen:
+        here = np.all(
+            [columns[name] == value for name, value in zip(values, one)] or [labels == UNSETTLED], axis=0
+        )
+        at_value = system.with_parameters(dict(zip(values, map(float, one)))) if values else system
+        search = _Search(at_value, period, section, direction, longest_return, longest, tol, options)
+        grid = (axes, {}) if not values and len(starts) == len(columns) else (
+            None, {"points": {name: column[here] for name, column in starts.items()}}
+        )  # fmt: skip
+        begun = _starts(at_value, fixed, {name: column[here] for name, column in starts.items()})
+        search.take_units(begun)
+        first = search.ends(grid[0], 2 * longest, 2 * longest + 1, start=fixed, transient=transient, **grid[1])
+        own, reasons[here], left = search.attractors.label(first, transient, search.lead_on)
+        kinds[here] = search.kinds(own, reasons[here], left, begun)
+        orbits, own = search.attractors.by_size(own)
+        labels[here] = np.where(own >= 0, own + len(attractors), own)
+        attractors += orbits
+    order = np.argsort([-np.sum(labels == k) for k in range(len(attractors))], kind="stable")
+    labels = np.where(labels >= 0, np.argsort(order)[np.maximum(labels, 0)] if len(order) else labels, labels)
+    axis_values = {name: values for name, (_, values) in where.values.items()}
+    return Basins(
+        axis_values, labels.reshape(where.shape), [attractors[k] for k in order], reasons.reshape(where.shape),
+        kinds.reshape(where.shape),
+    )  # fmt: skip
+
+
+def _starts(system: Any, fixed: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Starts (number, n) in the order of the states."""
+    names = [s.name for s in system.states]
+    first = {name: float(column[0]) for name, column in columns.items()}
+    starts = np.tile(
+        np.array(system.initial_state({**fixed, **first}), float), (len(next(iter(columns.values()))), 1)
+    )
+    for name, column in columns.items():
+        starts[:, names.index(name)] = column
+    return starts
+
+
+def _following(value: Any, name: str, columns: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Starts of a state that follow the axes."""
+    known = {str(s): s for s in value.free_symbols}
+    if strangers := sorted(known.keys() - columns.keys()):
+        raise ValueError(
+            f"`start` of {name!r} is {value}, in which {strangers[0]!r} has no axis; write it with "
+            f"{checks.listing(columns)}."
+        )
+    symbols = tuple(known.values())
+    found = numpy_function(symbols, value)(*(columns[str(s)] for s in symbols))
+    return np.broadcast_to(np.asarray(found, float), next(iter(columns.values())).shape)
 
 
 class _Search:
@@ -183,12 +261,23 @@ class _Search:
         options: Mapping[str, Any],
     ) -> None:  # fmt: skip
         base = poincare_map(system, period, section, direction, longest_return, {})
-        self.system, self.longest, self.options = system, longest, options
+        self.system, self.longest, self.options = system, longest, dict(options)
         self.names = [s.name for s in system.model.states]
         self.strobed: dict[str, Any] = dict(
             period=period, section=section, direction=direction, longest_return=longest_return
         )
         self.attractors = Attractors(base, longest, tol)
+
+    def take_units(self, starts: np.ndarray) -> None:
+        """Take the units of the states from what the map makes of some starts (number, n)."""
+        some = starts[np.unique(np.linspace(0, len(starts) - 1, _SCOUTS).astype(int))]
+        ends = [image for image in map(self.attractors.map.image, some) if image.success]
+        if not ends:
+            return
+        scale = scale_along([run for image in ends for run in image.runs], np.empty((0, 0)))
+        self.attractors.map = self.attractors.map._with(scale=scale)
+        if scale is not None and "atol" not in self.options:
+            self.options = {**self.options, "atol": [_ATOL * unit for unit in scale.unit]}
 
     def measures(self, kept: int) -> list[Any]:
         return [Period(self.longest, self.attractors.tol), Points(*self.names, last=kept)]
@@ -200,12 +289,39 @@ class _Search:
             self.system, grid, **self.strobed, periods=seen, measures=self.measures(kept),
             **{"progress": False, **self.options, **more},
         )  # fmt: skip
-        return self.read({str(name): values.values for name, values in data.items()}, kept)
+        return self.read({str(name): values.values for name, values in data.items()})
 
-    def read(self, values: Mapping[str, np.ndarray], kept: int) -> Ends:
+    def read(self, values: Mapping[str, np.ndarray]) -> Ends:
         points = np.stack([values[f"{name}_points"] for name in self.names], axis=-1)
+        points = points.reshape(-1, *points.shape[-2:])
         cycle, outcome = (values[name].reshape(-1) for name in ("period", "outcome"))
-        return Ends(points.reshape(-1, kept, len(self.names)), cycle, outcome)
+        if self.attractors.map.scale is not None:
+            # What the runs count as a repetition is one in states of size 1.
+            detector, unit = Period(self.longest, self.attractors.tol), self.attractors.map.unit
+            cycle = np.where(cycle < 0, cycle, [detector.find(x, unit) for x in points])
+        return Ends(points, cycle, outcome)
+
+    def kinds(
+        self, labels: np.ndarray, reasons: np.ndarray, left: Mapping[int, np.ndarray], starts: np.ndarray
+    ) -> np.ndarray:
+        """What each start comes to, by name; `left` are the last points of those that no orbit has drawn in."""
+        map_, found = self.attractors.map, self.attractors.found
+        orbits = [kind_of(known.orbit) for known in found]
+        kinds = np.array(
+            [orbits[k] if k >= 0 else FAILURE if k == FAILED else NOT_SETTLED for k in labels], object
+        )
+        waiting = [i for i in left if labels[i] == UNSETTLED]
+        kinds[waiting] = kinds_of(map_, [left[i] for i in waiting])
+        for i, reason in enumerate(reasons):
+            kinds[i] = (
+                reason if reason.startswith("running") else "rest" if reason.startswith("rest") else kinds[i]
+            )
+        still = [
+            i for i, reason in enumerate(reasons) if labels[i] == UNSETTLED and reason.startswith("no return")
+        ]
+        for i in still[:_RESTING]:
+            kinds[i] = "rest" if rests(map_, starts[i]) else NOT_SETTLED
+        return kinds
 
     def lead_on(self, starts: np.ndarray, unseen: int) -> Ends:
         window, again = self.attractors.window, dict(zip(self.names, starts.T))
@@ -273,12 +389,17 @@ def refine_basins(
     40 [-1.0, 1.0]
     """
     search = _Search(system, period, section, direction, longest_return, longest, tol, options)
-    planned = make_plan(
-        system, axes, start=start, **search.strobed, transient=transient, periods=2 * longest,
-        measures=search.measures(longest), **options,
+    plan = functools.partial(
+        make_plan, system, axes, start=start, **search.strobed, transient=transient, periods=2 * longest,
+        measures=search.measures(2 * longest + 1),
     )  # fmt: skip
+    planned = plan(**options)
     if strangers := [name for name, kind in planned.where.kinds.items() if kind != "state"]:
         raise ValueError(f"`axes` names {strangers[0]!r}, which is no state; a basin is a set of starts.")
+    columns = planned.where.at(np.unique(np.linspace(0, planned.where.size - 1, _SCOUTS).astype(int)))
+    search.take_units(_starts(system, dict(zip(search.names, planned.plan.start)), columns))
+    if search.options != options:
+        planned = plan(**search.options)
     numbers, most = ordered(planned, order), checks.optional(checks.positive)(budget, "`budget`")
     return in_chunks(functools.partial(_arrivals, search, planned), numbers, most)
 
@@ -326,8 +447,8 @@ def _labels(search: _Search, planned: SweepPlan, numbers: np.ndarray) -> np.ndar
     rows = np.concatenate([*lost, rows])
     if len(rows):
         rest = replace(plan, transient=plan.transient - done)
-        ends = search.read(run_chunk(rest, dict(zip(names, x[rows].T))), search.longest)
-        labels[rows], _ = attractors.label(ends, plan.transient, search.lead_on)
+        ends = search.read(run_chunk(rest, dict(zip(names, x[rows].T))))
+        labels[rows], _, _ = attractors.label(ends, plan.transient, search.lead_on)
     return labels
 
 

@@ -72,13 +72,15 @@ class Period(Measure):
         since = times[..., -1] - np.take_along_axis(times, back, -1)[..., 0]
         return {"period": period, "period_time": np.where(np.asarray(period) > 0, since, np.nan)}
 
-    def find(self, x: np.ndarray) -> int:
+    def find(self, x: np.ndarray, unit: Any = 1.0) -> int:
         """The period of a sequence of states.
 
         Parameters
         ----------
         x : ndarray, shape (strobes, n)
             States at the strobes, in their units.
+        unit : ndarray, shape (n,), optional
+            Their sizes.
 
         Returns
         -------
@@ -89,7 +91,7 @@ class Period(Measure):
         for period in range(1, min(self.longest, last // 2) + 1):
             back = np.arange(min(last // 2, last - period) + 1)
             near, far = x[last - back], x[last - back - period]
-            if np.all(np.abs(near - far) <= self.tol * (1 + np.abs(far))):
+            if np.all(np.abs(near - far) <= self.tol * (unit + np.abs(far))):
                 return period
         return 0
 

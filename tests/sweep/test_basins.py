@@ -104,3 +104,56 @@ def test_an_orbit_diagram_says_why_points_are_missing(carry):
     blown = System({x: 1 + c * x**2 + 0 * t}, time=t, parameters={c: 1.0})
     shown = orbit_diagram(blown, c, [1.0], {x: 0}, 1, transient=2, keep=5, carry=carry)
     assert np.isnan(shown["x"]).all() and "singularity" in shown.reasons[0]
+
+
+def test_a_parameter_among_the_axes_has_the_attractors_of_each_of_its_values():
+    # x -> c x (1 - x) has the fixed point 1 - 1/c; a start hangs on the axes by an expression as well.
+    y = sp.Symbol("y", real=True)
+    clock = Event(sp.sin(2 * sp.pi * t - 1), direction=1, update={x: c * x * (1 - x), y: y / 2})
+    system = System({x: 0 * x, y: 0 * y}, time=t, parameters={c: 2.0}, events=[clock])
+    found = basins(system, {x: [0.2, 0.4], c: [2.0, 2.5, 2.8]}, 1, start={y: 2 * x + c}, transient=60)
+    assert found.labels.shape == (2, 3) and len(found.attractors) == 3
+    for row in found.labels:
+        ends = [found.attractors[k] for k in row]
+        assert [orbit.system.parameters[c] for orbit in ends] == [2.0, 2.5, 2.8]
+        assert [orbit.x[0] for orbit in ends] == pytest.approx(
+            [1 - 1 / value for value in (2.0, 2.5, 2.8)], abs=1e-9
+        )
+    with pytest.raises(ValueError, match="'y' has no axis"):
+        basins(system, {x: [0.2], c: [2.0]}, 1, start={y: y + x})
+    with pytest.raises(ValueError, match="`axes` has no state"):
+        basins(system, {c: [2.0]}, 1, start={x: 0.2, y: 0})
+
+
+x_, v_ = sp.symbols("x v", real=True)
+RATES = [
+    ({x_: v_, v_: sp.Rational(3, 2) - sp.sin(x_) - v_ / 5}, 5.0, "running: x by 47.12 in 1 on average"),
+    ({x_: v_, v_: sp.cos(t) / 4 - x_ - sp.sign(v_) - v_ / 5}, 0.0, "rest"),
+    ({x_: v_, v_: x_ - x_**3 - v_ / 4 + sp.cos(t) * 2 / 5}, 0.0, "chaotic"),
+    ({x_: v_, v_: -x_ - v_ / 5 + sp.cos(t)}, 0.0, "orbit of period 1"),
+]
+
+
+@pytest.mark.parametrize("rates, speed, kind", RATES, ids=[kind.split(":")[0] for *_, kind in RATES])
+def test_what_a_start_comes_to_has_its_name(rates, speed, kind):
+    found = basins(System(rates, time=t), {x_: [0.2], v_: [speed]}, 2 * sp.pi, transient=60)
+    assert found.kinds.shape == (1, 1) and found.kinds[0, 0].startswith(kind)
+
+
+@pytest.mark.parametrize("loss", [v_ / 5, sp.sign(v_) / 5, v_**3], ids=["spiral", "dry", "slow spiral"])
+def test_what_comes_to_rest_before_its_section_is_no_orbit(loss):
+    found = basins(System({x_: v_, v_: -x_ - loss}), {x_: [1.0, 2.0]}, section=v_, start={v_: 0}, transient=20)
+    assert (found.labels == UNSETTLED).all() and not found.attractors
+    assert found.kinds.tolist() == ["rest"] * 2
+
+
+@pytest.mark.parametrize("size, time", [(1, 1), (1e-6, 1), (1e6, 1), (1, 1e-6), (1, 1e6)])
+def test_basins_are_the_same_in_any_unit(size, time):
+    # Two wells, driven: both orbits attract.
+    U, W = sp.symbols("U W", positive=True)
+    rates = {x_: v_ / W, v_: (x_ - x_**3 / U**2 - v_ / 4 + U * sp.cos(t / W) / 5) / W}
+    wells = System(rates, time=t, parameters={U: size, W: time})
+    grid = {x_: np.array([-1.5, -0.75, 0.75, 1.4]) * size, v_: np.array([-0.7, 0.1]) * size}
+    found = basins(wells, grid, 2 * sp.pi * W, transient=60)
+    ends = sorted(orbit.x[0] / size for orbit in found.attractors)
+    assert (found.labels >= 0).all() and ends == pytest.approx([-0.790050635, 1.197065362], abs=1e-8)

@@ -338,3 +338,28 @@ def test_the_largest_exponent_of_a_linear_system_is_its_real_part():
     )  # fmt: skip
     # Both multipliers have modulus e^(-a T); the tangent vector turns, which the average feels as 1/T.
     np.testing.assert_allclose(found.lyapunov, [-0.1, -0.3], atol=math.log(4) / (80 * math.pi))
+
+
+@pytest.mark.parametrize("by", ["clock", "end"])
+def test_extremes_have_what_the_last_event_leaves(by):
+    # x rises to 1 and is put to 5 at the very end of the window.
+    c = sp.Symbol("c", positive=True)
+    event = Event(at=1, update={x: 5}) if by == "clock" else Event(x - 1, update={x: 5}, terminal=True)
+    system = System({x: c}, time=t, parameters={c: 1.0}, events=[event], outputs={"twice": 2 * x})
+    found = sweep(system, {"c": [1.0]}, start={"x": 0}, measures=["extremes(x, twice)"], t_span=(0, 1))
+    assert found.x_max.values == pytest.approx([5]) and found.twice_max.values == pytest.approx([10])
+
+
+def test_a_sweep_under_a_diffusion_has_numbers_or_says_why_not():
+    from pwsmooth import Diffusion
+
+    system = System({x: -x / 2})
+    arguments = dict(axes={"trajectory": range(2)}, start={"x": 0}, noise=Diffusion({x: 1}, 1 / 16))
+    found = sweep(system, measures=["extremes(x)", "statistics(x)", "points"], t_span=(0, 50), **arguments)
+    assert (np.abs(found.x_rms.values - 1) < 0.4).all() and (found.x_max.values > 0.5).all()  # variance 1
+    assert np.isfinite(found.x_points.values).all()
+    for measures, span, said in (("lyapunov", 50, "between steps"), ("extremes(x)", 50.03, "no multiple")):
+        with pytest.raises(ValueError, match=said):
+            sweep(system, measures=[measures], t_span=(0, span), **arguments)
+    with pytest.raises(ValueError, match="'w', which is no state"):
+        sweep(system, {"x": [1.0]}, t_span=(0, 1), measures=["extremes(x)"], noise=Kicks(1, every=0.1, on="w"))

@@ -140,7 +140,7 @@ class _Map:
         Stroboscopic or Section
             This one where they are its units already.
         """
-        scale = scale_along(image.runs, image.jacobian, before)
+        scale = scale_along(image.runs, image.jacobian, self.scale, before)
         if scale == self.scale:
             return self
         return self._with(scale=scale)

@@ -74,21 +74,21 @@ def scale_at(x: np.ndarray) -> Scale | None:
 
 
 def scale_along(
-    runs: Sequence[Solution], jacobian: np.ndarray, before: np.ndarray | None = None
+    runs: Sequence[Solution], jacobian: np.ndarray, known: Scale | None = None, before: np.ndarray | None = None
 ) -> Scale | None:
     """Units of the states along a return with this derivative; None where all of them are 1.
 
-    `before` is how far each moved on the way here: what has died down does not lose its unit.
+    `known` are those so far, which a rest keeps; `before` is how far each state moved on the way here: what has
+    died down does not lose its unit.
     """
     low, high = _bounds(runs)
     size, largest = high - low, np.maximum(np.abs(low), np.abs(high))
     size = np.where(size > _STILL * largest, size, largest)
-    if before is not None and (known := (before > 0) & np.isfinite(before)).any():
-        usual = (size[known] / before[known]).max() * before  # as large as the others still are
-        size = np.where(known & (size < _STILL * usual), usual, size)
-        size[~known & (size < _STILL * size[known].min())] = (
-            0.0  # at 0 on the way here, and now but for a rounding
-        )
+    if before is not None and np.isfinite(before).all() and (before > 0).all():
+        left = float((size / before).max())
+        if left < _STILL:
+            return known
+        size = np.where(size < _STILL * left * before, left * before, size)  # as large as the others still are
     if np.isfinite(jacobian).all() and jacobian.shape == (len(size),) * 2:
         acts = np.abs(jacobian - np.diag(np.diag(jacobian)))
         size = np.maximum(size, _COUPLED * (acts * size).max(axis=1, initial=0.0))
@@ -96,7 +96,7 @@ def scale_along(
             felt = np.where((acts > 0) & (size > 0)[:, None], size[:, None] / acts, np.inf).min(axis=0)
         size = np.where(np.isfinite(felt) & (size > 0), np.maximum(size, _STILL * felt), size)
     if not np.isfinite(size).all() or not size.any():
-        return None
+        return known
     size[size == 0] = size[size > 0].min()
     return _of_populations(runs, tuple(unit_of(one) for one in size.tolist()))
 

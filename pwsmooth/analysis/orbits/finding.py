@@ -213,7 +213,7 @@ def _fitted(orbit: PeriodicOrbit, first: Sequence[Image]) -> PeriodicOrbit:
     whole, x = (orbit.map, orbit.x) if orbit.segments is None else (
         Shooting(orbit.map, orbit.segments.cuts), orbit.segments.nodes.ravel()
     )  # fmt: skip
-    before = np.max([extents(image.runs) for image in first], axis=0) if first else None
+    before = np.max([orbit.map.unit, *(extents(image.runs) for image in first)], axis=0)
     if (fitted := orbit.map.fitted(whole.image(x, ()), before)) is orbit.map:
         return orbit
     whole, kept = (fitted, (False, False)) if orbit.segments is None else (

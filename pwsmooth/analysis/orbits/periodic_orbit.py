@@ -27,6 +27,7 @@ from ..maps.segments import Segments, Shooting
 
 __all__ = ["PeriodicOrbit"]
 
+_RESTS = 1e-9  # of the size of the states: what moves less rests
 _ROUNDED = 1e-14  # of the largest multiplier: smaller ones are roundings
 MULTIPLIERS = 1e-9  # to which multipliers are known, with something to spare
 
@@ -164,6 +165,17 @@ class PeriodicOrbit(Described):
         return not np.any(np.abs(self.map_multipliers - 1) <= self.accuracy)
 
     @property
+    def rest(self) -> bool:
+        """Whether nothing moves along it, as in a stick that holds through the period; none of a section."""
+        if (
+            self.moves is None
+            or isinstance(self.map, Section)
+            or any("reset" in kind for _, kind, _ in self.word)
+        ):
+            return False
+        return self.success and bool(np.all(self.moves <= _RESTS * (self.map.unit + np.abs(self.x))))
+
+    @property
     def start(self) -> dict[str, float]:
         """State on the section by name, as `solve` takes it."""
         return {str(s): float(value) for s, value in zip(self.system.model.states, self.x)}
@@ -245,7 +257,9 @@ class PeriodicOrbit(Described):
             "undecided (a corner)": self.corner, "stable": self.stable, "unstable": unstable, "neutral": self.isolated,
             "not isolated": True,
         }  # fmt: skip
-        kind = ("symmetric " if self.symmetric else "") + next(word for word in holds if holds[word])
+        kind = ("rest, " if self.rest else "symmetric " if self.symmetric else "") + next(
+            word for word in holds if holds[word]
+        )
         pieces = (
             f", in {len(self.segments)} segments"
             if self.segments is not None and len(self.segments) > 1
