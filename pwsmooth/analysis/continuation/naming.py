@@ -96,6 +96,10 @@ def border_between(walk: Walk, here: Point, there: Point) -> tuple[Point, Point]
             low, left = middle, point
         else:
             high, right = middle, point
+    # Where an event meets the section slopes jump, too, and the multipliers do not.
+    before, behind = (np.poly(point.orbit.map_multipliers) for point in (left, right))
+    if np.abs(before - behind).max() <= _NEARLY * np.abs(before).max():
+        return None
     return (left, right) if slopes_apart(left, right) > _SHARE * jump else None
 
 

@@ -19,6 +19,7 @@ import numpy as np
 import sympy as sp
 
 from ....door import calls, checks
+from ...maps.scales import scale_at, unit_of
 from ...maps.sections import LONGEST, Section, poincare_map
 from ...maps.segments import TOO_LONG, Segments
 from ...orbits.periodic_orbit import PeriodicOrbit, none_found
@@ -91,6 +92,7 @@ def cycle_from(
         section = sp.Add(*(float(c) * (s - float(x)) for c, s, x in zip(p.imag, system.model.states, e.x)))
     map_ = poincare_map(system, None, section, direction, LONGEST, options)
     assert isinstance(map_, Section)
+    map_ = map_._with(scale=scale_at(np.append(amplitude * np.abs(q), np.zeros(len(e.x) - own))))
     h = map_.gradient(e.x)[:own]
     # On the section, and where its function rises: h . Re(q exp(i phase)) = 0, d/dt of it > 0.
     phase = np.pi / 2 - np.angle(h @ q) if abs(h @ q) > 0 else 0.0
@@ -106,9 +108,9 @@ def cycle_from(
     first = PeriodicOrbit(
         map_, e.x, 0.0, nothing[0], (), 0.0, 0, True, "", segments=pieces if number > 1 else None
     )
-    walk = Walk(first, hopf.name, 1.0)
+    walk = Walk(first, hopf.name, 1.0 / unit_of(amplitude * float(np.linalg.norm(q))))
     normal = np.append(ahead.ravel() / np.linalg.norm(ahead), 0.0)
-    begun = np.append(np.tile(e.x, number) / walk.weight, hopf.parameter)
+    begun = np.append(np.tile(e.x, number) / walk.weight, hopf.parameter / walk.scale)
     guess = begun + np.append(amplitude * ahead.ravel() / walk.weight, 0.0)
     point = walk.correct(guess, normal, normal)
     lost = "give another `amplitude`, a smaller one as a rule, or a `section` that the cycle crosses."
