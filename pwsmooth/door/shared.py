@@ -228,10 +228,10 @@ setting : Setting
     "pwsmooth.sweep.basins": """
 system : System
     Driven with `period`, or autonomous with a `section`.
-axes : mapping of state to sequence of float, any length
-    The grid, in the units of the states.
+axes : mapping of name to sequence of float, any length
+    The grid: starts of states, of `basins` also values of parameters, in their units.
 start : mapping of state to float, optional
-    Values of the states that are no axes, in their units.
+    Values of the states that are no axes, in their units; of `basins` also expressions that follow the axes: {v: -2*x}.
 period : float or Expr, in the unit of the model's time
     Of the drive; or
 longest : int

@@ -140,13 +140,9 @@ def basins(
 
     Parameters
     ----------
-    axes : mapping of name to sequence of float, any length
-        Starts of states, and parameters, in the units of the model.
     section : Expr
         A surface, function of states, that an autonomous system crosses, as in `find_orbit`. Two starts that meet one
         orbit at different phases cross it in the same points.
-    start : mapping of state to float or Expr
-        Of the states without an axis; an expression of names of the axes follows them, as {v: -2*x}.
     transient : int
         Periods or returns before a trajectory is looked at. Slow ones are led on (see Notes).
     tol : float, dimensionless
@@ -159,6 +155,11 @@ def basins(
     -------
     Basins
         Labels of the starts, and the attractors as orbits with multipliers.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input: axes without a state, a `store` for several values of a parameter, and what `sweep` refuses.
 
     Notes
     -----

@@ -79,8 +79,8 @@ class Period(Measure):
         ----------
         x : ndarray, shape (strobes, n)
             States at the strobes, in their units.
-        unit : ndarray, shape (n,), optional
-            Their sizes.
+        unit : ndarray, shape (n,), in the units of the states, optional
+            Their sizes, 1 by default.
 
         Returns
         -------

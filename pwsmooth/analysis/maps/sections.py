@@ -58,6 +58,8 @@ class Stroboscopic(_Map):
         G, linear: with it the map is N = G**-1 phi over T/2, whose fixed points are the symmetric orbits.
     options : mapping, optional
         For `solve`; rtol 1e-12 (smoothed views 1e-10) unless given.
+    scale : Scale, optional
+        Sizes of the states along an orbit, as `find_orbit` gives them to its map.
 
     Raises
     ------
@@ -245,6 +247,8 @@ class Section(_Map):
         Give up after this time on the way to a return.
     options : mapping, optional
         For `solve`.
+    scale : Scale, optional
+        Sizes of the states along an orbit, as `find_orbit` gives them to its map.
 
     Raises
     ------
