@@ -237,7 +237,8 @@ class System(DescribedSystem):
         Notes
         -----
         A force along a velocity v adds force * dv/du to the generalized forces (partial velocities). Constraints are
-        kept by their derivatives: start on them; they drift with the tolerance. Equilibria and orbits lie on them.
+        kept by their derivatives: start on them; they drift with the tolerance. Equilibria and orbits lie on them;
+        multipliers of orbits across them are 0.
 
         Source: Kane and Levinson, Dynamics: Theory and Applications, 1985.
 

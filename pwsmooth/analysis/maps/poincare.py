@@ -20,7 +20,9 @@ from ...paths.call import Scratch
 from ...results.records import Outcome
 from ...results.solution import Solution
 from ...solve import behind_the_door, solve
+from .constraints import on_constraints
 from .scales import Scale, scale_along, scale_of_populations, unit_of
+from .variations import chosen_parameters
 
 #: (switch, kind, from and to) of every event: an itinerary in letters.
 Word = tuple[tuple[str, str, str], ...]
@@ -236,8 +238,30 @@ class _Map:
         Returns
         -------
         Image
-            Its end.
+            Its end. The beginning of an application is put onto the constraints of a mechanism.
         """
+        if not (self.system._constraints and self._begins(leg)):
+            return self._leg(x, leg, parameters)
+        chosen = chosen_parameters(self.system, parameters or ())
+        start, by_x, by_parameter = on_constraints(self.system, *self._section_at(x), chosen)
+        image = self._leg(start, leg, parameters)
+        if parameters is None or not image.success:
+            return image
+        return replace(
+            image,
+            jacobian=image.jacobian @ by_x,
+            by_parameter=image.by_parameter + image.jacobian @ by_parameter,
+        )
+
+    def _begins(self, leg: Leg) -> bool:
+        """Whether a leg begins on the section."""
+        raise NotImplementedError
+
+    def _section_at(self, x: Any) -> tuple[float, np.ndarray, np.ndarray | None]:
+        """(time, point, gradient of the section's surface there or None)."""
+        raise NotImplementedError
+
+    def _leg(self, x: Any, leg: Leg, parameters: Sequence[Any] | None) -> Image:
         raise NotImplementedError
 
     def closed(self, image: Image) -> Image:

@@ -200,7 +200,13 @@ class Stroboscopic(_Map):
         """What cuts are counted in: the time of one application, in the unit of the model's time."""
         return self.duration / self.turns
 
-    def leg(self, x: Any, leg: Leg, parameters: Sequence[Any] | None = None) -> Image:
+    def _begins(self, leg: Leg) -> bool:
+        return leg[:2] == (0, 0.0)
+
+    def _section_at(self, x: Any) -> tuple[float, np.ndarray, np.ndarray | None]:
+        return self.start_time, np.asarray(x, float), None
+
+    def _leg(self, x: Any, leg: Leg, parameters: Sequence[Any] | None) -> Image:
         k, first, last = leg
         t0, begin, end = self.start_time, (k + first) / self.turns, (k + last) / self.turns
         span = (t0 + begin * self.duration, t0 + end * self.duration)
@@ -320,7 +326,13 @@ class Section(_Map):
     def closed(self, image: Image) -> Image:
         return image
 
-    def leg(self, x: Any, leg: Leg, parameters: Sequence[Any] | None = None) -> Image:
+    def _begins(self, leg: Leg) -> bool:
+        return leg[1] == 0.0
+
+    def _section_at(self, x: Any) -> tuple[float, np.ndarray, np.ndarray | None]:
+        return 0.0, np.asarray(x, float), self.gradient(x)
+
+    def _leg(self, x: Any, leg: Leg, parameters: Sequence[Any] | None) -> Image:
         _, begin, end = leg
         if end < math.inf:
             # Returns count from time 0 on: by then the section is left.

@@ -1,6 +1,6 @@
 """Constraints of a mechanism hold for its equilibria and orbits: of a pendulum in x and y, the length of its rod.
 
-Guards: analysis/equilibria/statics.py, analysis/equilibria/stability.py.
+Guards: analysis/equilibria/statics.py, analysis/equilibria/stability.py, analysis/maps/constraints.py.
 """
 
 import functools
@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 from sympy.physics import mechanics as me
 
-from pwsmooth import Solution, System, find_equilibrium, solve
+from pwsmooth import Solution, System, find_equilibrium, find_orbit, follow, solve
 from pwsmooth.analysis.equilibria import equilibria
 from pwsmooth.laws.friction import Coulomb
 
@@ -72,3 +72,58 @@ def test_a_dry_guide_holds_a_set_of_rests_on_the_constraint():
     rest = find_equilibrium(pendulum(dry=True), [0.1, -0.99, 0, 0])
     assert rest.success and rest.x[0] ** 2 + rest.x[1] ** 2 == pytest.approx(1, abs=1e-9)
     assert not rest.isolated and len(rest.free_directions) == 1 and rest.held
+
+
+# ---- orbits
+
+
+def test_a_driven_orbit_has_the_multipliers_of_the_angle():
+    # phi'' = -sin(phi) - phi'/10 + A cos(w t) cos(phi) in x = sin(phi), y = -cos(phi).
+    A, w = 0.3, 1.5
+    N, O = me.ReferenceFrame("N"), me.Point("O")
+    O.set_vel(N, 0)
+    P = O.locatenew("P", x * N.x + y * N.y)
+    P.set_vel(N, x.diff() * N.x + y.diff() * N.y)
+    force = A * sp.cos(w * me.dynamicsymbols._t) * N.x - DAMPING * P.vel(N)
+    method = me.LagrangesMethod(
+        me.Lagrangian(N, me.Particle("p", P, 1)) - y, [x, y], hol_coneqs=[x**2 + y**2 - L**2], forcelist=[(P, force)],
+        frame=N,
+    )  # fmt: skip
+    method.form_lagranges_equations()
+    rod = System.from_mechanics(method, parameters={L: 1.0})
+    t, phi, u = sp.symbols("t phi u", real=True)
+    angle = System({phi: u, u: -sp.sin(phi) - u / 10 + A * sp.cos(w * t) * sp.cos(phi)}, time=t)
+    wanted = find_orbit(angle, {phi: -0.23, u: 0.04}, period=2 * np.pi / w)
+    found = find_orbit(rod, {"x": -0.2, "y": -1.0, "x_dot": 0, "y_dot": 0}, period=2 * np.pi / w)
+    assert found.success and found.stable and found.isolated
+    assert found.x[:2] == pytest.approx([np.sin(wanted.x[0]), -np.cos(wanted.x[0])], abs=1e-9)
+    sizes = np.sort(np.abs(found.multipliers))
+    assert sizes[2:] == pytest.approx(np.sort(np.abs(wanted.multipliers)), abs=1e-8) and sizes[1] < 1e-9
+
+
+def test_a_cycle_is_followed_along_the_length_of_its_rod():
+    # phi'' = -sin(phi)/L + 0.3 (1 - 10 L**2 sin(phi)**2) phi'
+    N, O = me.ReferenceFrame("N"), me.Point("O")
+    O.set_vel(N, 0)
+    P = O.locatenew("P", x * N.x + y * N.y)
+    P.set_vel(N, x.diff() * N.x + y.diff() * N.y)
+    pushed = [(P, sp.Rational(3, 10) * (1 - 10 * x**2) * P.vel(N))]
+    method = me.LagrangesMethod(
+        me.Lagrangian(N, me.Particle("p", P, 1)) - y, [x, y], hol_coneqs=[x**2 + y**2 - L**2], forcelist=pushed,
+        frame=N,
+    )  # fmt: skip
+    method.form_lagranges_equations()
+    rod = System.from_mechanics(method, parameters={L: 1.0})
+    phi, u = sp.symbols("phi u", real=True)
+    rate = -sp.sin(phi) / L + sp.Rational(3, 10) * (1 - 10 * L**2 * sp.sin(phi) ** 2) * u
+    angle = System({phi: u, u: rate}, parameters={L: 1.0})
+    across = next(s for s in rod.states if s.name == "x_dot")
+    wanted = follow(find_orbit(angle, {phi: 0.66, u: 0}, section=u, direction=-1), "L", 1.2)
+    begun = find_orbit(rod, {"x": 0.6, "y": -0.8, "x_dot": 0, "y_dot": 0}, section=across, direction=-1)
+    assert begun.success and begun.stable and begun.isolated
+    found = follow(begun, "L", 1.2)
+    last, other = found.orbits[-1], wanted.orbits[-1]
+    assert last.system.parameters[L] == pytest.approx(1.2) == other.system.parameters[L]
+    assert np.hypot(*last.x[:2]) == pytest.approx(1.2, abs=1e-9)
+    assert last.period == pytest.approx(other.period, rel=1e-9)
+    assert abs(last.multipliers[0]) == pytest.approx(abs(other.multipliers[0]), abs=1e-7)
