@@ -421,8 +421,9 @@ class _Search:
 
     def _bowl(self, z: np.ndarray) -> _Point:
         """A cost that rises from the last good point, and constraints that are no better there."""
+        nothing = np.empty(0)
         if self.last is None:
-            return _Point(np.array(z), np.nan, *(np.empty(0) for _ in range(4)), False)
+            return _Point(np.array(z), np.nan, nothing, nothing, nothing, nothing, False)
         way = z - self.last.z
         square = float(way @ way) or 1.0
         rise = abs(float(self.last.gradient @ way)) + self.scale * np.sqrt(square)

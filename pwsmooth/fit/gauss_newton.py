@@ -26,7 +26,7 @@ CLOSED = 1e-7  # sum of gaps, in units of the states, that counts as closed
 _FLAT = 1e-8  # of the misfit: a change that tells nothing
 _STILL = 1e-9  # a step, in coordinates of size 1
 _FIRST, _WIDEST, _NARROWEST = 0.5, 0.5, 1e-6  # half widths of the box; coordinates are logarithms or of size 1
-_LEAST = "The misfit does not become smaller any more."
+LEAST = "The misfit does not become smaller any more."
 STUCK = "No step lessens the misfit, no smooth function here: try other guesses or `intervals`."
 INTERRUPTED = "Interrupted: this is the best point until then."
 
@@ -108,7 +108,7 @@ def minimise(
             closed = at.gap <= CLOSED
             felt = float(np.max(np.abs(step) * norm, initial=0.0) / (norm.max(initial=0.0) or 1.0))
             if closed and np.abs(step).max(initial=0.0) <= _STILL:
-                success, message = True, _LEAST
+                success, message = True, LEAST
                 break
             if box < _NARROWEST:
                 if closed and at.misfit > 0.999 * stalled:
@@ -138,7 +138,7 @@ def minimise(
             flat = closed and predicted <= _FLAT * at.misfit
             if not gained >= (0.0 if flat else 1e-4 * promised):
                 if flat:
-                    success, message = True, _LEAST
+                    success, message = True, LEAST
                     break
                 box, part = 0.25 * min(box, felt or box), 0.5 * part
                 continue
@@ -155,7 +155,7 @@ def minimise(
             slopes = problem.linearise(z, at)
             told(Iteration(accepted, at.misfit, at.gap, at.values))
             if flat:
-                success, message = at.gap <= CLOSED, _LEAST
+                success, message = at.gap <= CLOSED, LEAST
                 break
     except KeyboardInterrupt:
         success, message = False, INTERRUPTED

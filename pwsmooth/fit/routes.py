@@ -25,7 +25,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .gauss_newton import ALL, CLOSED, INTERRUPTED, STUCK, Iteration, Minimum, minimise
+from .gauss_newton import ALL, CLOSED, INTERRUPTED, LEAST, STUCK, Iteration, Minimum, minimise
 from .identifiability import covariance
 from .shooting import Evaluation, RunFailed, Shooting
 
@@ -84,8 +84,9 @@ def search(
         best = min(routes, key=_rank)
     runs, failures = (sum(getattr(route, name) for route in routes) for name in ("runs", "failures"))
     if _rank(best) > guess:
-        at = problem.evaluate(first, nodes, ALL)
-        best = Minimum(first, at, problem.linearise(first, at), ALL, False, _GUESS, runs, failures)
+        at, exact = problem.evaluate(first, nodes, ALL), guess <= _exact(problem)
+        slopes, message = problem.linearise(first, at), LEAST if exact else _GUESS
+        best = Minimum(first, at, slopes, ALL, exact, message, runs, failures)
     elif _ended(best) and left_is_noise():
         best = best._replace(success=True, message=best.message if best.success else _CORNER)
     elif best.success and not (confirmed() and _determined(best, fixed)):
@@ -225,10 +226,11 @@ def _beside(problem: Shooting, found: Minimum, fixed: np.ndarray) -> np.ndarray 
     if misfit <= _exact(problem) or not len(free):
         return None
     _, sizes, directions = np.linalg.svd(jacobian, full_matrices=False)
-    error = math.sqrt(2 * misfit / max(np.count_nonzero(residual) - len(free), 1))
+    left = max(int(np.count_nonzero(residual)) - len(free), 1)
+    error = math.sqrt(2 * misfit / left)
     best, least = None, misfit * (1 - _BETTER)
-    for size, direction in zip(sizes.tolist(), directions):
-        length = min(error / size if size > 0 else math.inf, _WIDE)
+    for k, direction in enumerate(directions):
+        length = min(float(error / sizes[k]) if sizes[k] > 0 else math.inf, _WIDE)
         for side in (length, -length):
             z = found.z.copy()
             z[free] += side * direction

@@ -134,11 +134,13 @@ class Experiment:
         rates = {s.name: str(rate) for s, rate in zip(model.states, model.rhs)}
         for name, row, there in zip(self.names, self.data, self.there):
             if name in self.states and name not in memories and there.sum() >= 5:
-                curve = make_smoothing_spline(self.t[there], row[there])
+                # In samples, not in the unit of the time, in which SciPy's equations may be ill-posed.
+                first, beat = self.t[there][0], float(np.mean(np.diff(self.t[there])))
+                curve = make_smoothing_spline((self.t[there] - first) / beat, row[there])
                 curve.extrapolate = False
-                found[name] = curve
+                found[name] = functools.partial(_at, curve, first, beat, 1.0)
                 if (rate := rates[name]) in self.states and rate not in (*memories, *self.names):
-                    found[rate] = curve.derivative()
+                    found[rate] = functools.partial(_at, curve.derivative(), first, beat, beat)
         return {name: curve for name, curve in found.items() if name not in deciding}
 
     def _cuts(self, intervals: int) -> np.ndarray:
@@ -279,6 +281,10 @@ class Experiment:
             a, by = past, self.differentiable
             solution = self._solved(a, arc.end, x, values, arc.times[arc.times >= a], by)
         return rows, moved
+
+
+def _at(curve: Any, first: float, beat: float, over: float, t: float) -> float:
+    return float(curve((t - first) / beat)) / over
 
 
 class Evaluation(NamedTuple):

@@ -84,6 +84,29 @@ def test_a_first_guess_that_no_route_improves_is_returned_as_no_success():
     assert found.values == pytest.approx(true) and rms == pytest.approx(noise) and not found.success
 
 
+def test_data_without_noise_from_the_truth_are_a_success():
+    system = System({x: v, v: -9.81 * sp.sin(x) - T / 50 * v - T / 5 * sp.sign(v)}, parameters={T: 1.0})
+    t = np.arange(0, 40, 0.05)
+    data = solve(system, (0, t[-1]), {"x": 2.0, "v": 0.0}, t_eval=t)["x"]
+    found = fit(system, Record(t, {"x": data}, unknown=["v"], start={"x": 2.0, "v": 0.0}), ["T"])
+    assert found.success and found.rms["x"] < 1e-9
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+def test_the_unit_of_time_decides_nothing(unit):
+    F, k, c = sp.symbols("F k c", positive=True)
+    values = {F: 0.3 / unit**2, k: 20.0 / unit**2, c: 0.05 / unit}
+    system = System({x: v, v: -k * x - c * v - F * sp.sign(v)}, parameters=values)
+    t = unit * np.arange(0, 10, 0.05)
+    data = solve(system, (0, t[-1]), {"x": 1.0, "v": 0.0}, t_eval=t)["x"]
+    noisy = data + 0.01 * np.random.default_rng(0).normal(size=t.size)
+    guess = {str(p): 1.02 * value for p, value in values.items()}
+    found = fit(system, Record(t, {"x": noisy}, unknown=["x", "v"], start={"v": 0.0}), guess)
+    assert found.success
+    for p, value in values.items():
+        assert abs(found.values[p.name] - value) < 4 * found.errors[p.name]
+
+
 def test_a_minimum_that_no_other_route_confirms_is_no_success():
     found, _, noise, rms = fitted(thermostat, 0.0, (1.5, 0.7, 0.9, 1.1))
     assert rms < 1e-6 or not found.success
