@@ -81,7 +81,11 @@ class _Attractor:
         from scipy.linalg import solve_discrete_lyapunov
 
         size = self.size
-        return solve_discrete_lyapunov((self.orbit.jacobian * size / size[:, None]).T, np.eye(len(size)))
+        D = self.orbit.jacobian * size / size[:, None]
+        if self.orbit.integrals is not None:  # deviations that change nothing of what the motion keeps
+            rows = np.linalg.svd(self.orbit.integrals * size)[2][len(self.orbit.integrals) :]
+            D = rows.T @ rows @ D @ rows.T @ rows
+        return solve_discrete_lyapunov(D.T, np.eye(len(size)))
 
     def meets(self, x: np.ndarray, tol: float) -> bool:
         return any(_near(x, point, tol, self.unit) for point in self.points)

@@ -493,3 +493,33 @@ def test_an_orbit_through_a_corner_of_the_map_is_not_called_stable():
     both = System({x: sp.cos(t) - x / 5, u: sp.cos(t) - u / 5, w: first - w}, time=t)
     orbit = find_orbit(both, {x: 0, u: 0, w: 0}, period=T, transient=20, phase=0.3)
     assert orbit.success and not orbit.stable and orbit.corner
+
+
+# ---- what the motion keeps
+
+
+@pytest.mark.parametrize("size", UNITS)
+def test_a_rod_in_cartesian_coordinates_has_the_multipliers_of_its_angle_and_two_of_one(size):
+    # A driven pendulum: x^2 + y^2 and its rate are kept; the angle alone has the same orbit.
+    y, w, q = sp.symbols("y w q", real=True)
+    pull = {x: -3 * u / 10 - y * sp.cos(t) / 2, y: -3 * w / 10 - unit + x * sp.cos(t) / 2}
+    tension = (u**2 + w**2 + x * pull[x] + y * pull[y]) / (x**2 + y**2)
+    rod = System(
+        {x: u, y: w, u: pull[x] - tension * x, w: pull[y] - tension * y}, time=t, parameters={unit: size}
+    )
+    orbit = find_orbit(rod, {x: 0, y: -size, u: 0, w: 0}, period=T, transient=40)
+    angle = System({q: u, u: -sp.sin(q) - 3 * u / 10 + sp.cos(t) / 2}, time=t)
+    plain = find_orbit(angle, {q: 0, u: 0}, period=T, transient=40)
+    assert orbit.success and orbit.stable and len(orbit.integrals) == 2 and "keeps 2" in orbit.message
+    mu = orbit.multipliers
+    assert (np.sort(np.abs(mu))[-2:] == 1).all()
+    assert np.sort_complex(mu[np.abs(mu) < 0.9]) == pytest.approx(np.sort_complex(plain.multipliers), abs=1e-7)
+
+
+def test_a_slider_that_never_slips_has_a_multiplier_of_one_that_stability_leaves_out():
+    y, w = sp.symbols("y w", real=True)
+    slider = System({x: u, u: sp.cos(t) / 5 - x - u / 5 - y, y: 0 * y}, time=t)
+    orbit = find_orbit(slider, {x: 0, u: 0, y: 0.1}, period=T, transient=40)
+    assert orbit.success and orbit.stable and not orbit.isolated and abs(orbit.multipliers[0]) == 1
+    kept = find_orbit(System({x: u, u: sp.cos(2 * t) - x}, time=t), {x: 0.4, u: 0}, period=T)
+    assert len(kept.integrals) == 2 and not kept.stable  # nothing is left that would die down

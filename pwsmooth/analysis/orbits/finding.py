@@ -23,6 +23,7 @@ from ..maps.sections import LONGEST, Section, Stroboscopic, poincare_map
 from ..maps.segments import SHORT, TOO_LONG, Shooting, cut, growth, sizes
 from .absence import why_none
 from .fixed_points import SAME, newton, not_repeated, off_and_size, repeats_after, shot
+from .integrals import with_integrals
 from .orders import in_both_orders
 from .periodic_orbit import PeriodicOrbit, none_found
 
@@ -300,12 +301,18 @@ def _checked(orbit: PeriodicOrbit, first: Sequence[Image] = ()) -> PeriodicOrbit
         return orbit
     if broken := not_repeated(orbit):
         return replace(orbit, success=False, message=broken)
-    orbit = in_both_orders(orbit)
+    orbit = with_integrals(in_both_orders(orbit))
     map_, count = orbit.map, repeats_after(orbit)
     if count < map_.count:
         shorter = refined_to(orbit, count)
         said = f" It repeats after {count} of the {map_.count} applications of the map that were asked for."
         return replace(shorter, message=shorter.message + said) if shorter.success else orbit
+    free = orbit._free_multipliers
+    if orbit.integrals is not None and len(free) and (np.abs(free - 1) > orbit.accuracy).all():
+        kept = (
+            f" The motion keeps {len(orbit.integrals)} of its quantities: so many multipliers are 1 for that."
+        )
+        return replace(orbit, message=orbit.message + kept)
     if not orbit.isolated:
         return replace(orbit, message=f"{orbit.message} {_NOT_ISOLATED}")
     return orbit

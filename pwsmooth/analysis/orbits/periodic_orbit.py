@@ -70,6 +70,9 @@ class PeriodicOrbit(Described):
         multipliers are those of one order.
     accuracy : float, dimensionless
         To which its multipliers are known.
+    integrals : ndarray, shape (k, n), or None
+        Gradients of what the motion keeps beside it, first integrals and constraints, in 1 over the units of the
+        states: k multipliers are 1 for that, and `stable` leaves them out.
 
     The orbit of dx/dt = cos t - x has the multiplier exp(-2 pi):
 
@@ -93,6 +96,7 @@ class PeriodicOrbit(Described):
     moves: np.ndarray | None = None
     corner: bool = False
     accuracy: float = MULTIPLIERS
+    integrals: np.ndarray | None = None
 
     @property
     def system(self) -> Any:
@@ -114,11 +118,32 @@ class PeriodicOrbit(Described):
         """Eigenvalues of D P on the section, largest first; of the half-period map for a symmetric orbit."""
         if not np.isfinite(self.jacobian).all():
             return np.full(len(self.x), np.nan, complex)
+        free = self._free_multipliers
+        kept = 0 if self.integrals is None else len(self.integrals)
+        values = np.append(free, np.ones(kept))
+        return values[np.argsort(-np.abs(values), kind="stable")]
+
+    @functools.cached_property
+    def _free_multipliers(self) -> np.ndarray:
+        """Those of deviations along which nothing is changed that the motion keeps, largest first."""
         matrices = self._matrices
         if len(matrices) > 1:
             return cyclic_multipliers(matrices)
-        values = np.linalg.eigvals(matrices[0]).astype(complex)
+        (matrix,) = matrices
+        if self.integrals is not None:
+            rows = self.integrals * self.map.unit @ self._basis
+            free = np.linalg.svd(rows)[2][len(rows) :].T
+            matrix = free.T @ matrix @ free
+        values = np.linalg.eigvals(matrix).astype(complex)
         return values[np.argsort(-np.abs(values), kind="stable")]
+
+    @property
+    def _basis(self) -> np.ndarray:
+        """Directions in which multipliers are looked for, (n, k), in units of the states."""
+        if not isinstance(self.map, Section):
+            return np.eye(len(self.x))
+        # Tangent to the section: the direction across it would only add an eigenvalue 0.
+        return np.linalg.svd((self.map.gradient(self.x) * self.map.unit)[None])[2][1:].T
 
     @property
     def _matrices(self) -> list[np.ndarray]:
@@ -127,9 +152,7 @@ class PeriodicOrbit(Described):
         matrices = [self.jacobian] if self.segments is None else list(self.segments.matrices)
         matrices = [matrix * unit / unit[:, None] for matrix in matrices]
         if isinstance(self.map, Section):
-            # Tangent to the section: the direction across it would only add an eigenvalue 0.
-            normal = self.map.gradient(self.x) * unit
-            basis = np.linalg.svd(normal[None])[2][1:].T
+            basis = self._basis
             matrices[0] = matrices[0] @ basis
             matrices[-1] = basis.T @ matrices[-1]
         return matrices
@@ -157,7 +180,10 @@ class PeriodicOrbit(Described):
     @property
     def stable(self) -> bool:
         """Whether it is an orbit whose multipliers lie inside the unit circle, by more than their own rounding."""
-        return self.success and not self.corner and bool(np.all(np.abs(self.multipliers) < 1 - self.accuracy))
+        free = self._free_multipliers if self.integrals is not None else self.map_multipliers
+        free = free**2 if self.symmetric else free
+        known = self.success and not self.corner and (self.integrals is None or len(free) > 0)
+        return known and bool(np.all(np.abs(free) < 1 - self.accuracy))
 
     @property
     def isolated(self) -> bool:
