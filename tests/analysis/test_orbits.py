@@ -409,15 +409,28 @@ def test_relays_whose_turns_shrink_by_a_part_that_vanishes_have_no_orbit(size):
 
 
 @pytest.mark.parametrize("section", [sp.sin(x), sp.cos(x) - sp.Rational(1, 2), sp.sin(x / 2)])
-def test_an_angle_that_runs_on_is_no_orbit_and_with_an_event_for_its_turns_it_is_one(section):
-    from pwsmooth import Event
-
+def test_a_state_that_runs_on_is_an_orbit_where_it_is_named_an_angle(section):
     rates = {x: u, u: sp.Rational(3, 2) - sp.sin(x) - u / 5 - sp.sign(u) / 10}
     orbit = find_orbit(System(rates), {x: 0, u: 5}, section=section, transient=30)
     assert not orbit.success and "x runs on, by " in orbit.message
-    turning = System(rates, events=[Event(x - 2 * sp.pi, direction=1, update={x: x - 2 * sp.pi})])
-    orbit = find_orbit(turning, {x: 1, u: 5}, section=x - 3, transient=30)
-    assert orbit.success and orbit.stable and orbit.period == pytest.approx(0.897785, abs=1e-5)  # a plain run's
+    turns = 2 if section == sp.sin(x / 2) else 1
+    orbit = find_orbit(
+        System(rates), {x: 0, u: 5}, section=section, transient=10, angles={x: turns * 2 * math.pi}
+    )
+    assert orbit.success and orbit.stable and orbit.winding == {"x": 1}
+    assert orbit.period == pytest.approx(turns * 0.897785, abs=turns * 1e-5)  # a plain run's, of one turn
+    if turns == 2:
+        with pytest.raises(ValueError, match="the section .* is another one after it"):
+            find_orbit(System(rates), {x: 0, u: 5}, section=section, angles={x: 2 * math.pi})
+
+
+def test_a_driven_rotation_has_its_winding_number():
+    # x'' + x'/5 + sin x = 3 cos(t)/2 + 9/10 turns on in step with its drive from this start.
+    rates = {x: u, u: sp.Rational(9, 10) + sp.cos(t) / 2 - sp.sin(x) / 2 - 9 * u / 10}
+    orbit = find_orbit(System(rates, time=t), {x: 0, u: 1}, period=T, transient=60, angles={x: 2 * math.pi})
+    run = orbit.solution()
+    assert orbit.success and orbit.winding == {"x": round(run.x[0, -1] - run.x[0, 0]) // 6}
+    assert run.x[0, -1] - run.x[0, 0] == pytest.approx(2 * math.pi * orbit.winding["x"], abs=1e-8)
 
 
 @pytest.mark.parametrize("size", [1e-9, *UNITS])
@@ -453,6 +466,8 @@ def test_a_population_far_below_the_usual_tolerance_is_followed_exactly():
     run = orbit.solution(rtol=1e-12)
     kept = np.log(run.x[0]) - run.x[0] + np.log(run.x[1]) - run.x[1]
     assert run.x[0].min() < 1e-12 and np.ptp(kept) < 1e-9
+    with pytest.warns(UserWarning, match="`atol` is 1e-14, and [xu] falls to"):
+        find_orbit(populations, {x: 1, u: 30.0}, section=x - 1, direction=-1, atol=1e-14)
 
 
 # ---- two surfaces at one instant

@@ -97,6 +97,7 @@ class _Map:
     system: Any
     options: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
     scale: Scale | None = field(default=None, repr=False, compare=False, kw_only=True)
+    angles: tuple[float, ...] | None = field(default=None, repr=False, compare=False, kw_only=True)
     _inner: Scratch = field(default_factory=Scratch, repr=False, compare=False, kw_only=True)
 
     def _solve(
@@ -121,6 +122,24 @@ class _Map:
     def unit(self) -> np.ndarray:
         """Sizes of the states against which deviations are measured, shape (n,)."""
         return np.ones(len(self.system.model.states)) if self.scale is None else np.array(self.scale.unit)
+
+    def within_a_turn(self, x: np.ndarray, of: np.ndarray) -> np.ndarray:
+        """The same states with angles less than half a turn from those of others.
+
+        Parameters
+        ----------
+        of : ndarray, shape (n,)
+            The others, in the units of the states.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            In the units of the states.
+        """
+        if self.angles is None:
+            return x
+        turn = np.array(self.angles)
+        return x - turn * np.round((x - of) / np.where(turn > 0, turn, 1.0))
 
     @property
     def tolerance(self) -> np.ndarray:

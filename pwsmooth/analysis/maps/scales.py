@@ -107,14 +107,19 @@ def scale_of_populations(runs: Sequence[Solution], known: Scale | None) -> Scale
 
 
 def _of_populations(runs: Sequence[Solution], unit: tuple[float, ...]) -> Scale | None:
-    low, high = _bounds(runs)
     tolerance = list(unit)
-    for i in _relative(runs[0].model):
-        least = min(abs(low[i]), abs(high[i]))
-        if low[i] * high[i] > 0 and least < unit[i] / 32:
+    for i, least in lowest(runs).items():
+        if least < unit[i] / 32:
             tolerance[i] = unit_of(least) * _BELOW
     scale = Scale(unit, tuple(tolerance))
     return None if set(scale.unit + scale.tolerance) == {1.0} else scale
+
+
+def lowest(runs: Sequence[Solution]) -> dict[int, float]:
+    """The least size along runs of each state whose rate vanishes with it, by its place."""
+    low, high = _bounds(runs)
+    kept = [i for i in _relative(runs[0].model) if low[i] * high[i] > 0]
+    return {i: float(min(abs(low[i]), abs(high[i]))) for i in kept}
 
 
 def unit_of(size: float) -> float:

@@ -60,6 +60,8 @@ class Stroboscopic(_Map):
         For `solve`; rtol 1e-12 (smoothed views 1e-10) unless given.
     scale : Scale, optional
         Sizes of the states along an orbit, as `find_orbit` gives them to its map.
+    angles : tuple of float, in the units of the states, optional
+        A turn of each state that is an angle, 0 of the others, as `find_orbit` gives them to its map.
 
     Raises
     ------
@@ -213,8 +215,9 @@ class Stroboscopic(_Map):
         run = self._solve(self.system, span, x, parameters is not None)
         if not (run.success and run.t[-1] == span[1]):
             return lost(len(x), (run,), why_stopped(run))
+        back = self.within_a_turn(run.x[:, -1], np.asarray(x, float))
         if parameters is None:
-            return Image(run.x[:, -1], span[1] - span[0], (run,))
+            return Image(back, span[1] - span[0], (run,))
         found = moved(run, chosen_parameters(self.system, parameters))
         by_parameter = found.by_parameter
         for k, q in enumerate(found.chosen):
@@ -224,9 +227,7 @@ class Stroboscopic(_Map):
                 stretch = slope * self.duration / self.forcing_period
                 early, late = (self.phase * slope + part * stretch for part in (begin, end))
                 by_parameter[:, k] += found.rates * late - found.matrix @ found.first_rates * early
-        return Image(
-            run.x[:, -1], span[1] - span[0], (run,), found.matrix, by_parameter, tuple(found.degenerate)
-        )
+        return Image(back, span[1] - span[0], (run,), found.matrix, by_parameter, tuple(found.degenerate))
 
 
 @functools.lru_cache(maxsize=64)
@@ -255,6 +256,8 @@ class Section(_Map):
         For `solve`.
     scale : Scale, optional
         Sizes of the states along an orbit, as `find_orbit` gives them to its map.
+    angles : tuple of float, in the units of the states, optional
+        A turn of each state that is an angle, 0 of the others, as `find_orbit` gives them to its map.
 
     Raises
     ------
@@ -346,8 +349,9 @@ class Section(_Map):
             if reason:
                 return lost(len(x), (run,), reason)
         at, time = run.x[:, -1], float(run.t[-1] - run.t[0])
+        back = self.within_a_turn(at, np.asarray(x, float))
         if parameters is None:
-            return Image(at, time, (run,))
+            return Image(back, time, (run,))
         n, chosen = len(x), chosen_parameters(self.system, parameters)
         found = moved(run, chosen)
         matrix, by_parameter = found.matrix, found.by_parameter
@@ -361,7 +365,7 @@ class Section(_Map):
                 )
             stop = np.eye(n) - np.outer(f, h_w[:n]) / speed
             matrix, by_parameter = stop @ matrix, stop @ by_parameter - np.outer(f, h_w[n:]) / speed
-        return Image(at, time, (run,), matrix, by_parameter, tuple(found.degenerate))
+        return Image(back, time, (run,), matrix, by_parameter, tuple(found.degenerate))
 
     def _to_return(self, x: np.ndarray, dense: bool) -> tuple[Solution, str]:
         """The run from a point of the section to its next return, and why there is none."""

@@ -77,6 +77,40 @@ def symmetry_matrix(system: Any, symmetry: Mapping[Any, Any], period: float) -> 
     return G
 
 
+def turns_of(system: Any, angles: Mapping[Any, Any], surface: sp.Expr | None) -> tuple[float, ...]:
+    """A turn of each state that is an angle, 0 of the others, (n,); `surface` is that of a section.
+
+    Raises
+    ------
+    ValueError
+        No state of that name, or the system or the section is another one after a turn.
+    """
+    model, turns = system.model, dict.fromkeys(system.model.states, 0.0)
+    for key, turn in checks.mapping(angles, "`angles`", "states to their turns, as {x: 2*pi}").items():
+        turns[checks.lookup(key, model.states, "`angles`", "state")] = checks.positive(turn, "`angles`")
+    parts = [*model.rhs, *(part for event in model.events for part in of_event(event) if part is not None)]
+    for mu in model.multipliers:
+        parts += [part for part in (mu.residual, mu.surface) if part is not None]
+    own = {k for event in model.events for k, _ in event.update}
+    given: dict[Any, float] = dict(zip(model.parameters, system.parameter_values)) | system.parameters
+    rng = np.random.default_rng(1)
+    for k, (x, turn) in enumerate(turns.items()):
+        read = [
+            part for part in (*parts, surface) if turn and isinstance(part, sp.Expr) and x in part.free_symbols
+        ]
+        for part in read:
+            for _ in range(8):
+                point = given | {symbol: rng.normal() for symbol in part.free_symbols if symbol not in given}
+                one, other = (value(part, point | {x: point[x] + far}) for far in (0.0, turn))
+                if k in own or not abs(one - other) <= 1e-9 * (abs(one) + abs(other)):
+                    what = f"the section {surface}" if part is surface else "the system"
+                    raise ValueError(
+                        f"`angles` has {x.name!r} with a turn of {turn:.9g}, but {what} is another one after it; give "
+                        "a turn of all that reads the angle, or leave it out."
+                    )
+    return tuple(turns.values())
+
+
 @functools.lru_cache(maxsize=64)
 def repeats_in(system: Any, time: float) -> bool:
     """Whether the system is the same after this time: its clocks, and at random points all that reads the time."""

@@ -47,7 +47,7 @@ def why_none(orbit: PeriodicOrbit, first: Sequence[Image]) -> str:
         name = orbit.system.model.states[k]
         return (
             f"no orbit: {name} runs on, by {by:.9g} with each return, whatever the guess or the `transient`. If {name} "
-            f"is an angle, give it an event that takes a turn off it, or take its sine and cosine as states."
+            f"is an angle, give its turn, as `angles={{{name}: 2*pi}}`."
         )
     left = left_of(orbit, first)
     rest = ", ".join(f"{s} = {value:.6g}" for s, value in zip(orbit.system.model.states, orbit.x))

@@ -9,6 +9,7 @@ Chain: periodic_orbit.py, fixed_points.py -> **orbits** -> continuation.py.
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -18,9 +19,10 @@ import numpy as np
 from ...door import calls, checks
 from ...paths.budget import whole
 from ..maps.poincare import Image
-from ..maps.scales import extents, scale_at
+from ..maps.scales import extents, lowest, scale_at
 from ..maps.sections import LONGEST, Section, Stroboscopic, poincare_map
 from ..maps.segments import SHORT, TOO_LONG, Shooting, cut, growth, sizes
+from ..maps.symmetry import turns_of
 from .absence import why_none
 from .fixed_points import SAME, newton, not_repeated, off_and_size, repeats_after, shot
 from .integrals import with_integrals
@@ -32,6 +34,7 @@ __all__ = ["find_orbit", "refine"]
 _GROWS = 1e2  # over a period
 _NEAR = 1e-2  # relative to the states' size: an orbit so near to the first guess is the one that was meant
 _FEWEST = 8  # segments that begin at one guess
+_PART = 1e-6  # of a population: a larger absolute tolerance is worth a word
 _RECURRENCE = 1e-5  # a transient that returns so closely is near a periodic orbit
 
 
@@ -39,7 +42,7 @@ _RECURRENCE = 1e-5  # a transient that returns so closely is near a periodic orb
     (*calls.RUNS, "parameters"),
     system=checks.system, direction=checks.one_of(1, -1), count=checks.optional(checks.integer(1)), phase=checks.number,
     symmetry=checks.optional(checks.mapping), transient=checks.integer(0, 10**7), most=checks.integer(1),
-    segments=checks.optional(checks.integer(1, 10**4)),
+    segments=checks.optional(checks.integer(1, 10**4)), angles=checks.optional(checks.mapping),
 )  # fmt: skip
 @whole
 def find_orbit(
@@ -55,6 +58,7 @@ def find_orbit(
     transient: int = 0,
     most: int = 16,
     segments: int | None = None,
+    angles: Mapping[Any, float] | None = None,
     **options: Any,
 ) -> PeriodicOrbit:
     """Find a periodic orbit near a start: after a transient, Newton's method on the Poincare map.
@@ -82,6 +86,8 @@ def find_orbit(
     segments : int, optional
         In how many pieces a period is shot over; by default in one, and in as many as their growth asks for where a
         multiplier exceeds 1e4 or one piece does not lead to the orbit.
+    angles : mapping of state to float, in the units of the states, optional
+        Turns of states that are angles, as {x: 2*pi}: a motion is back that has gone whole turns, its `winding`.
     **options
         For `solve`: rtol, atol, method, order, max_step, strict, parameters; `max_steps` and `max_seconds` bound the
         whole search.
@@ -118,6 +124,10 @@ def find_orbit(
     first = poincare_map(system, period, section, direction, LONGEST, options, count=count or 1, **more)
     at = np.array(system.initial_state(x0), float)
     first, begun = first._with(scale=scale_at(at)), None
+    if angles is not None:
+        if symmetry is not None:
+            raise ValueError("`angles` and `symmetry` are both given; find the orbit without its symmetry.")
+        first = first._with(angles=turns_of(system, angles, getattr(first, "surface", None)))
     if section is not None:
         # The guess need not lie on the section: the first return does.
         begun = first.image(at)
@@ -132,18 +142,32 @@ def find_orbit(
             last = np.flatnonzero(np.isfinite(points).all(axis=1))
             at = points[last[-1]] if last.size else at
             return none_found(first, at, f"the transient ended after {last.size} of {transient}: {reason}")
-        at = points[-1]
+        at = first.within_a_turn(points[-1], at)
         if count is None and symmetry is None:
-            first = replace(first, count=_recurrence(points, most, first.unit))
-    return _refined(first, at, segments, begun)
+            first = replace(first, count=_recurrence(points, most, first))
+    orbit = _refined(first, at, segments, begun)
+    if orbit.success and "atol" in options:
+        _warn_below(orbit)
+    return orbit
 
 
-def _recurrence(points: np.ndarray, most: int, unit: np.ndarray) -> int:
+def _warn_below(orbit: PeriodicOrbit) -> None:
+    """Say where a population falls so low that the absolute tolerance of the runs is no small part of it."""
+    tolerance = orbit.map.tolerance
+    for k, least in lowest(orbit.runs()).items():
+        if tolerance[k] > _PART * least:
+            warnings.warn(
+                f"`atol` is {tolerance[k]:g}, and {orbit.system.model.states[k]} falls to {least:.2g} along the orbit: "
+                f"give less than {_PART * least:.1g}, or leave `atol` out.",
+                stacklevel=5,
+            )
+
+
+def _recurrence(points: np.ndarray, most: int, map_: Any) -> int:
     """After how many steps the last point has been nearest before; 1 if never near."""
-    size = unit + np.abs(points[-1])
-    back = np.array(
-        [np.abs((points[-1] - points[-1 - k]) / size).max() for k in range(1, min(most, len(points) - 1) + 1)]
-    )
+    last, size = points[-1], map_.unit + np.abs(points[-1])
+    earlier = [map_.within_a_turn(points[-1 - k], last) for k in range(1, min(most, len(points) - 1) + 1)]
+    back = np.array([np.abs((last - point) / size).max() for point in earlier])
     near = np.flatnonzero(back < _RECURRENCE)
     return int(near[0]) + 1 if near.size else 1
 

@@ -195,7 +195,8 @@ def not_repeated(orbit: PeriodicOrbit) -> str:
     growth = np.linalg.norm(orbit.jacobian * unit / unit[:, None]) ** (2 if orbit.symmetric else 1)
     # What a period is off grows once more in the next one.
     slack = _REPEATED * max(run.tolerances["rtol"], TOLERANCE) * (1 + growth) * np.array([1.0, 1 + growth])
-    off = np.abs(run.x - x[:, None]) / (unit + np.abs(x))[:, None]
+    later = np.array([map_.within_a_turn(column, x) for column in run.x.T]).T
+    off = np.abs(later - x[:, None]) / (unit + np.abs(x))[:, None]
     moved = np.flatnonzero((off > (np.sqrt(slack) if orbit.degenerate else slack)).any(axis=1))
     if not moved.size:
         return ""
@@ -236,7 +237,7 @@ def _not_repeated_in_segments(orbit: PeriodicOrbit) -> str:
             * max(run.tolerances["rtol"], TOLERANCE)
             * (1 + np.linalg.norm(matrices[k % len(matrices)] * unit / unit[:, None]))
         )
-        off = np.abs(run.x[:, -1] - target) / (unit + np.abs(target))
+        off = np.abs(orbit.map.within_a_turn(run.x[:, -1], target) - target) / (unit + np.abs(target))
         moved = np.flatnonzero(~(off <= (math.sqrt(slack) if orbit.degenerate else slack)))
         if moved.size:
             return _why_not_repeated(orbit, moved, off[moved], target, np.stack([run.x[:, -1]] * 2, axis=1))
@@ -273,5 +274,6 @@ def repeats_after(orbit: PeriodicOrbit) -> int:
         points = replace(orbit.map, count=1).iterate(orbit.x, count)
     else:
         points = np.array([orbit.after(k) for k in range(1, count + 1)])
+    points = np.array([orbit.map.within_a_turn(point, orbit.x) for point in points])
     back = np.abs((points - orbit.x) / (orbit.map.unit + np.abs(orbit.x))).max(axis=1) <= SAME
     return next((d for d in range(1, count) if count % d == 0 and back[d - 1]), count)

@@ -201,6 +201,16 @@ class PeriodicOrbit(Described):
             return False
         return self.success and bool(np.all(self.moves <= _RESTS * (self.map.unit + np.abs(self.x))))
 
+    @functools.cached_property
+    def winding(self) -> dict[str, int]:
+        """How many turns each state goes in one period that `find_orbit` was told to be an angle, by name."""
+        turns = self.map.angles or ()
+        if not any(turns):
+            return {}
+        went = sum(run.x[:, -1] - run.x[:, 0] for run in self.runs())
+        names = map(str, self.system.model.states)
+        return {name: round(way / turn) for name, way, turn in zip(names, went.tolist(), turns) if turn}
+
     @property
     def start(self) -> dict[str, float]:
         """State on the section by name, as `solve` takes it."""
@@ -295,6 +305,7 @@ class PeriodicOrbit(Described):
         missing = f"N{self.message[1:]}" if told else f"No orbit: {self.message}"
         return f"PeriodicOrbit: {kind}, period {self.period:.9g}{pieces}" if self.success else missing, {
             "at": values(self.start, self.x),
+            "turns": [f"{name} {count}" for name, count in self.winding.items()] if self.success else [],
             "multipliers": listed(list(map(number, self.multipliers))),
             "events": [" | ".join(some([kind for _, kind, _ in self.word])) or "none"],
             "message": [self.message] if self.success else [],
