@@ -128,6 +128,8 @@ class _Map:
 
         Parameters
         ----------
+        x : ndarray, shape (n,)
+            The states, in their units.
         of : ndarray, shape (n,)
             The others, in the units of the states.
 
