@@ -123,7 +123,9 @@ class Grown:
         k = int(np.argmin(off))
         return float(off[k]), k, float(part[k])
 
-    def holds(self, kind: str | None, at: np.ndarray, points: np.ndarray, widths: np.ndarray) -> bool:
+    def holds(
+        self, kind: str | None, at: np.ndarray, points: np.ndarray, widths: np.ndarray, setting: Setting
+    ) -> bool:
         """Whether a bifurcation of this kind, at a point of the plane and of an orbit of these points, lies on it."""
         if kind != self.kind:
             return False
@@ -137,7 +139,7 @@ class Grown:
             if np.isnan(a).any() or np.isnan(b).any() or np.isnan(points).any():
                 continue
             compared = True
-            chord = float(np.abs((b - a) / (1 + np.abs(a))).max())
-            if distance(points, a + part * (b - a)) <= 0.5 * chord + 1e-3:
+            chord = float(np.abs((b - a) / (setting.sizes + np.abs(a))).max())
+            if distance(points, a + part * (b - a), setting) <= 0.5 * chord + 1e-3:
                 return True
         return not compared

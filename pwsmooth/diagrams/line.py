@@ -18,7 +18,7 @@ import numpy as np
 from .plain import Setting, distance, found_at, points_of
 from .tracing import UNDECIDED
 
-SAME = 1e-5  # relative to 1 + |x|: two orbits are one
+SAME = 1e-5  # relative to unit + |x|: two orbits are one
 _BESIDE = 0.5  # of a chord, plus `_FLOOR`: an orbit so far from it may be on the branch
 _FLOOR = 1e-3
 NARROW = 1e-5  # of the range: a gap so narrow is where a branch was not followed to its very end
@@ -70,7 +70,7 @@ class Line:
         if points.shape[0] != self.count:
             return None
         q0, q1 = self.q[:-1], self.q[1:]
-        slack = 1e-9 * (1 + abs(q))
+        slack = 1e-9 * (np.ptp(self.q) + abs(q))
         for k in np.flatnonzero((np.minimum(q0, q1) <= q + slack) & (q <= np.maximum(q0, q1) + slack)).tolist():
             for name in ("points", "mirrored"):
                 if name in self.arrays and self._near(k, name, values, q, points, setting):
@@ -84,8 +84,8 @@ class Line:
         width = self.q[k + 1] - self.q[k]
         part = np.clip((q - self.q[k]) / width, 0.0, 1.0) if width else 0.0
         guess = a + part * (b - a)
-        off = distance(points, guess)
-        chord = float(np.abs((b - a) / (1 + np.abs(guess))).max())
+        off = distance(points, guess, setting)
+        chord = float(np.abs((b - a) / (setting.sizes + np.abs(guess))).max())
         if off <= SAME:
             return True
         if off > _BESIDE * chord + _FLOOR:
@@ -101,7 +101,7 @@ class Line:
         own = self.known[key]
         if own is None or own.map.count != len(points):
             return off <= 0.1 * chord + SAME
-        return distance(points, points_of(own, setting)[0]) <= SAME
+        return same_points(points, points_of(own, setting)[0], setting)
 
     def pieces(self) -> Iterator[tuple[slice, str]]:
         """Points of each stretch of one style: "stable", "unstable" or "virtual"."""
@@ -136,6 +136,6 @@ def uncovered(intervals: list[tuple[float, float]], low: float, high: float) -> 
     return gaps
 
 
-def same_points(a: np.ndarray, b: np.ndarray) -> bool:
+def same_points(a: np.ndarray, b: np.ndarray, setting: Setting) -> bool:
     """Whether two cycles of points are one."""
-    return distance(a, b) <= SAME
+    return distance(a, b, setting) <= SAME

@@ -8,7 +8,7 @@ Chain: sweep, searching.py, result.py -> **looking** -> one_parameter.py, two_pa
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from ..analysis.equilibria.equilibrium import Equilibrium
 from ..analysis.equilibria.finding import equilibria
+from ..analysis.maps.scales import Scale, units_at
 from ..analysis.maps.sections import Stroboscopic, poincare_map
 from ..analysis.maps.symmetry import symmetry_matrix
 from ..analysis.orbits.periodic_orbit import PeriodicOrbit
@@ -207,7 +208,10 @@ def looking(
         if map_ is None or section is not None:
             raise ValueError("`symmetry` belongs to forced systems, together with `period`; leave it out.")
         G = symmetry_matrix(system, symmetry, cast(Stroboscopic, map_).forcing_period)
-    setting = Setting(system, map_, G, virtual)
+    unit = _units(system, [*rows, *(orbit.x for orbit in orbits if hasattr(orbit, "x"))], box)
+    if map_ is not None and unit:
+        map_ = replace(map_, scale=Scale(unit, unit))
+    setting = Setting(system, map_, G, virtual, unit)
     kept = []
     for orbit in checks.several(orbits, "`orbits`"):
         if not isinstance(orbit, (PeriodicOrbit, Equilibrium)) or not orbit.success:
@@ -225,8 +229,23 @@ def looking(
     strobe = {"period": period, "section": section, "direction": direction, "longest_return": longest_return}
     return Looking(
         setting, strobe, phase, rows, tuple(kept), box, values, transient, keep, longest, tol, depth, most, points,
-        steps, {"rtol": _RTOL, "atol": _ATOL, **options},
+        steps, {"rtol": _RTOL, "atol": [_ATOL * u for u in unit] if unit else _ATOL, **options},
     )  # fmt: skip
+
+
+def _units(system: Any, rows: Sequence[Any], box: Any) -> tuple[float, ...]:
+    """Sizes of the states, of which the box, starts and orbits tell; empty where all are 1."""
+    names = [str(s) for s in system.model.states]
+    sizes = np.zeros(len(names))
+    for row in rows:
+        sizes = np.maximum(sizes, np.abs(row))
+    for key, pair in (box or {}).items():
+        name = str(getattr(key, "name", key))
+        if name in names:
+            k = names.index(name)
+            sizes[k] = max(sizes[k], *np.abs(checks.pair(pair, f"`box` of {name}")))
+    unit = tuple(units_at(sizes).tolist())
+    return unit if set(unit) != {1.0} else ()
 
 
 STEPS = ("step", "longest_step", "shortest_step")

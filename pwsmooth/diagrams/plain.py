@@ -42,6 +42,12 @@ class Setting:
     map: Any  # Stroboscopic or Section of count 1; None where equilibria are looked for, and their cycles
     symmetry: Any = None  # (n, n), or None
     virtual: bool = False
+    unit: tuple[float, ...] = ()  # sizes of the states; empty where all are 1
+
+    @property
+    def sizes(self) -> np.ndarray:
+        """Sizes of the states against which orbits are compared, shape (n,)."""
+        return np.array(self.unit or (1.0,) * len(self.system.model.states))
 
     @property
     def driven(self) -> bool:
@@ -61,7 +67,7 @@ def told(point: PeriodicOrbit | Equilibrium, setting: Setting) -> dict[str, Any]
     if isinstance(point, Equilibrium):
         return {
             "equilibrium": True, "parameters": values_of(point.system), "x": point.x.tolist(),
-            "mult": point.mult.tolist(), "sides": list(point.sides),
+            "mult": point.mult.tolist(), "sides": list(point.sides), "unit": point.unit.tolist(),
         }  # fmt: skip
     map_: Any = point.map
     data: dict[str, Any] = {
@@ -85,7 +91,8 @@ def made(data: Mapping[str, Any], setting: Setting) -> Any:
         start = dict(zip(map(str, system.states), data["x"]))
         names = [str(mu.symbol) for mu in system.model.multipliers]
         start |= dict(zip(names, data["mult"]))
-        return find_equilibrium(system, start, sides=dict(zip(names, data["sides"])) or None, virtual=True)
+        e = find_equilibrium(system, start, sides=dict(zip(names, data["sides"])) or None, virtual=True)
+        return replace(e, _unit=tuple(data["unit"]))
     map_ = map_of(data, setting)
     x = np.array(data["x"])
     if "cuts" in data:
@@ -216,11 +223,11 @@ def found_at(setting: Setting, values: Mapping[str, float], points: np.ndarray) 
     return orbit if orbit.success else None
 
 
-def distance(a: np.ndarray, b: np.ndarray) -> float:
-    """Of two cycles of points (count, n), relative to 1 + |x|, over the shifts of one; inf of different counts."""
+def distance(a: np.ndarray, b: np.ndarray, setting: Setting) -> float:
+    """Of two cycles of points (count, n), relative to unit + |x|, over the shifts of one; inf of different counts."""
     if a.shape != b.shape:
         return math.inf
-    size = 1 + np.abs(b)
+    size = setting.sizes + np.abs(b)
     return min(float(np.abs((np.roll(a, k, axis=0) - b) / size).max(initial=0.0)) for k in range(len(a)))
 
 

@@ -28,10 +28,10 @@ from .plain import Setting, distance, found_at, points_of, told
 from .tracing import SWITCHED
 from .work import Task, Work
 
-_AMPLITUDES = (1e-2, 1e-3, 1e-4, 1e-5)  # relative to 1 + |x|, tried in this order
+_AMPLITUDES = (1e-2, 1e-3, 1e-4, 1e-5)  # relative to unit + |x|, tried in this order
 _SAME_PARAMETER = 1e-7  # of the range: bifurcations nearer together, of one orbit and one kind, are one
 NOWHERE, IN_A_SET = -1, -2  # instead of the number of a branch
-_VERTEX = 1e-2  # relative to 1 + |x|, and its square of the range: within it a fold is a pitchfork's vertex
+_VERTEX = 1e-2  # relative to unit + |x|, and its square of the range: within it a fold is a pitchfork's vertex
 _SLOW = 100  # times the tolerance of the sweep: an end that is still on its way to the orbit beside it
 
 
@@ -108,16 +108,16 @@ class Search:
         if line.root is None:
             return False
         near = abs(line.root["parameter"] - b["parameter"]) <= _VERTEX**2 * (self.bounds[1] - self.bounds[0])
-        return near and distance(np.asarray(line.root["points"]), b["points"]) <= _VERTEX
+        return near and distance(np.asarray(line.root["points"]), b["points"], self.setting) <= _VERTEX
 
     def _new(self, b: dict[str, Any]) -> bool:
         """Whether a bifurcation is none of those known; it is known then. It gets its points once a period."""
         low, high = self.bounds
         for other in self.seen:
             near = abs(other["parameter"] - b["parameter"]) <= _SAME_PARAMETER * (high - low) + b["uncertainty"]
-            if near and other["kind"] == b["kind"] and _meet(other["points"], b["points"]):
+            if near and other["kind"] == b["kind"] and _meet(other["points"], b["points"], self.setting):
                 return False
-            if near and other["kind"] == b["kind"] and _meet(other.get("mirrored"), b["points"]):
+            if near and other["kind"] == b["kind"] and _meet(other.get("mirrored"), b["points"], self.setting):
                 return False
         self.seen.append(b)
         return True
@@ -206,7 +206,8 @@ class Search:
         points = ends.points[i, j, -cycle:]
         values = {**self.values, self.name: float(ends.values[i])}
         orbit = found_at(self.setting, values, points)
-        if orbit is None or np.any(np.abs(orbit.x - points[0]) > _SLOW * ends.tol * (1 + np.abs(points[0]))):
+        slack = _SLOW * ends.tol * (self.setting.sizes + np.abs(points[0]))
+        if orbit is None or np.any(np.abs(orbit.x - points[0]) > slack):
             return None
         return self.symmetrical(orbit)
 
@@ -217,7 +218,7 @@ class Search:
         if orbit.symmetric:
             return orbit
         half = refine(replace(orbit.map, symmetry=self.setting.symmetry), orbit.x)
-        return half if half.success and same_points(half.x[None], orbit.x[None]) else orbit
+        return half if half.success and same_points(half.x[None], orbit.x[None], self.setting) else orbit
 
     def from_ends(self, ends: Ends) -> None:
         """Branches through all ends that are on none."""
@@ -252,11 +253,11 @@ def bare(b: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in b.items() if key not in ("points", "mirrored", "first")}
 
 
-def _meet(a: np.ndarray | None, b: np.ndarray | None) -> bool:
+def _meet(a: np.ndarray | None, b: np.ndarray | None, setting: Setting) -> bool:
     """Whether two cycles are one, be it run through several times."""
     if a is None or b is None or np.isnan(a).all() or np.isnan(b).all():
         return False
     short, long = sorted((a, b), key=len)
     if len(long) % len(short):
         return False
-    return same_points(np.tile(short, (len(long) // len(short), 1)), long)
+    return same_points(np.tile(short, (len(long) // len(short), 1)), long, setting)

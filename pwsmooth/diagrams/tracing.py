@@ -38,7 +38,7 @@ _COUNTED = 2**62
 _STEPS = 1000  # of solve() for each of the points that a branch may have: long orbits have fewer points
 _SHRUNK = 0.1  # of its first size: a cycle so small, followed back to its Hopf point, has come to its beginning
 _NEAR = 0.02  # of the range: a branch that begins at a bifurcation begins so near to it
-_SAME = 1e-5  # relative to 1 + |x|: an orbit that is back at the branch's start
+_SAME = 1e-5  # relative to unit + |x|: an orbit that is back at the branch's start
 CLOSED, MEETS = "it closes.", "meets its mirror image"
 UNDECIDED = -1  # stability at a bifurcation: that of the way to it counts
 
@@ -48,7 +48,7 @@ class _Entry:
 
     def __init__(self, orbit: Any, setting: Setting, name: str, number: int = -1) -> None:
         self.orbit, self.number = orbit, number
-        self.q = value_of(orbit, name)
+        self.q, self.setting = value_of(orbit, name), setting
         self.points, self.mirrored = points_of(orbit, setting)
         self.decided = number < 0 and _decided(orbit)
 
@@ -84,7 +84,7 @@ def begun(setting: Setting, task: Mapping[str, Any]) -> Any:
         return made(task["start"], setting)
     bifurcation = made_bifurcation(task["off"], setting)
     at = bifurcation.equilibrium if "frequency" in task["off"] else bifurcation.orbit
-    size = 1 + float(np.abs(at.x).max())
+    size = float((setting.sizes + np.abs(at.x)).max())
     low, high = task["range"]
     found = None
     for amplitude in task["amplitudes"]:
@@ -162,7 +162,7 @@ def _one_way(
 ) -> tuple[list[_Entry], str]:  # fmt: skip
     """Entries from the start on, and why they end."""
     q, back = value_of(orbit, name), bounds[int(to == bounds[0])]
-    if _at(q, to):
+    if abs(q - to) <= 1e-12 * (abs(to) + bounds[1] - bounds[0]):  # but for a rounding in the arc
         return [_Entry(orbit, setting, name)], f"began at {name} = {q:.10g}."
     if isinstance(orbit, Equilibrium):
         branch = follow(orbit, name, to, back=back, most=most, virtual=setting.virtual, **lengths)
@@ -214,21 +214,17 @@ def _over(entries: list[_Entry], name: str) -> list[str]:
     first, a, b = entries[0], *entries[-2:]
     one, other = a.skew, b.skew
     if one is not None and other is not None and one.shape == other.shape:
-        size = np.abs(other / (1 + np.abs(b.points))).max()
+        size = np.abs(other / (b.setting.sizes + np.abs(b.points))).max()
         if size <= _SAME or float((one * other).sum()) < 0:
             return [f"{MEETS} at {name} = {a.q:.10g}, where a symmetric orbit is."]
     if len(entries) > 3 and a.points.shape == b.points.shape == first.points.shape:
-        chord = distance(a.points, b.points)
+        chord = distance(a.points, b.points, a.setting)
         if (a.q - first.q) * (b.q - first.q) <= 0 and a.q != b.q:
             part = (first.q - a.q) / (b.q - a.q)
-            if distance(a.points + part * (b.points - a.points), first.points) <= 0.1 * chord + _SAME:
+            between = a.points + part * (b.points - a.points)
+            if distance(between, first.points, a.setting) <= 0.1 * chord + _SAME:
                 return [CLOSED]
     return []
-
-
-def _at(q: float, bound: float) -> bool:
-    """Whether a parameter is a bound of the range, but for the rounding of its unit in the arc."""
-    return abs(q - bound) <= 1e-12 * (1 + abs(bound))
 
 
 def _entries_of(
@@ -258,7 +254,7 @@ def _places(branch: Any, entries: list[_Entry]) -> list[int]:
     places: list[int] = []
     for b in branch.bifurcations:
         first = max(places[-1:] or [1])
-        at = _Place(b.equilibrium.x[None], b.parameter)
+        at = _Place(b.equilibrium.x[None], b.parameter, entries[0].setting)
         ways = [
             _off(e, at, scale) + _off(at, f, scale) - _off(e, f, scale)
             for e, f in zip(entries[first - 1 :], entries[first:])
@@ -270,10 +266,11 @@ def _places(branch: Any, entries: list[_Entry]) -> list[int]:
 class _Place(NamedTuple):
     points: np.ndarray
     q: float
+    setting: Setting
 
 
 def _off(one: Any, other: Any, scale: float) -> float:
-    return distance(one.points, other.points) + abs(one.q - other.q) / scale
+    return distance(one.points, other.points, one.setting) + abs(one.q - other.q) / scale
 
 
 def _with_middles(entries: list[_Entry], setting: Setting, name: str) -> list[_Entry]:

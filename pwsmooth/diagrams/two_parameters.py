@@ -248,14 +248,16 @@ class _Growing:
     def known(self, b: Any, name: str, line: tuple[str, float]) -> bool:
         at = self.at(b, name, line)
         kind = condition_of(b.data)
-        return any(curve.holds(kind, at, b.points, self.widths) for curve in self.found)
+        return any(curve.holds(kind, at, b.points, self.widths, self.work.setting) for curve in self.found)
 
     def same(self, curve: Grown) -> bool:
         """Whether a curve is one that is known, of which two of its points say so."""
         number = curve.values.shape[1]
         return any(
             all(
-                known.holds(curve.kind, curve.values[:, k], curve.arrays["points"][k], self.widths)
+                known.holds(
+                    curve.kind, curve.values[:, k], curve.arrays["points"][k], self.widths, self.work.setting
+                )
                 for k in (number // 3, (2 * number) // 3)
             )
             for known in self.found

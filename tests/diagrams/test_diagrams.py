@@ -61,6 +61,15 @@ def test_the_window_of_period_three_is_found_from_its_attractor(cascade):
     assert min(abs(q - (1 + np.sqrt(8))) for q in of(cascade, "fold")) < CLOSE
 
 
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+def test_the_cascade_does_not_depend_on_the_unit(unit):
+    scaled = mapped({x: unit * (1 - a * (x / unit) ** 2)}, a=0.5)
+    found = diagram(scaled, a, (0.6, 1.368), {x: 0.6 * unit}, **STROBED, values=8, longest=4)
+    # of x -> 1 - a x^2
+    assert of(found, "flip") == pytest.approx([3 / 4, 5 / 4], abs=CLOSE)
+    assert found.gaps == [] and found.lost == () and [branch.count for branch in found.branches] == [1, 2, 4]
+
+
 def test_chaos_is_on_no_branch_and_no_attractor_is_known_there(cascade):
     off = cascade.unexplained.round(6)
     assert 3.7 in off and not np.any(off[off != 3] < 3.56)  # at the flip itself nothing settles

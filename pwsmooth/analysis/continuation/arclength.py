@@ -1,8 +1,9 @@
 """Steps along a branch of periodic orbits: predictor, corrector, and a section that keeps away from events.
 
-    P(x; q) - x = 0,    tau . (u - u0) = ds,    u = (x, q/scale)          (H. B. Keller, 1977)
+    P(x; q) - x = 0,    tau . (u - u0) = ds,    u = (x/unit, q/scale)     (H. B. Keller, 1977)
 
-Of an orbit in N segments x is the points at which these begin, over sqrt(N), so that an arc is as long as with one.
+Each state has a unit of its own, of the size of its motion. Of an orbit in N segments x is the points at which these
+begin, over sqrt(N), so that an arc is as long as with one.
 
 Chain: sections.py, fixed_points.py, orbits.py -> **arclength** -> bifurcations.py, continuation.py.
 """
@@ -18,11 +19,12 @@ import numpy as np
 from ...paths.budget import Budget, within
 from ...results.solution import Solution
 from ..maps.poincare import Image
+from ..maps.scales import Scale, extents, unit_of, units_of_motion
 from ..maps.sections import Section, Stroboscopic
 from ..maps.segments import Shooting, best_place, cut, pressed, restless, rotated, settled, sizes
 from ..maps.variations import chosen_parameters, moved, sticks_at_start
 from ..orbits.finding import refine
-from ..orbits.fixed_points import TOLERANCE, onto_section, orbit_of, pinned, relative, shot
+from ..orbits.fixed_points import SAME, TOLERANCE, onto_section, orbit_of, pinned, relative, shot
 from ..orbits.itineraries import same_itinerary
 from ..orbits.periodic_orbit import MULTIPLIERS, PeriodicOrbit
 from ..orbits.recutting import longest_slip
@@ -35,6 +37,25 @@ _ALONG = 0.8  # cosine between tangents and the chord of a step
 _NEARER = 0.75  # of the distance from a bifurcation, with half of the amplitude
 JUMP_OF_SLOPES = 0.02  # of 1 or their size: slopes that so differ between points close together jump
 _MOVES = 1e-3  # of the arc: with longer steps than this an event comes so near first
+
+
+def _weighted(units: np.ndarray, unit: np.ndarray) -> np.ndarray:
+    """Units of the points at which segments begin, times the root of their number."""
+    return units * math.sqrt(len(units) / len(unit)) if len(units) > len(unit) else units
+
+
+def unit_along(orbit: PeriodicOrbit) -> np.ndarray:
+    """Units of the states: those of the map, or how far the orbit moves each and how large it is, if that is more."""
+    moves = extents(orbit.runs()) if orbit.moves is None else orbit.moves
+    return np.maximum(orbit.map.unit, units_of_motion(moves, orbit.x))
+
+
+def in_units(orbit: PeriodicOrbit, unit: np.ndarray) -> PeriodicOrbit:
+    """A small orbit whose map keeps units of the states of what its branch begins at."""
+    if np.all(unit_along(orbit) >= unit):
+        return orbit
+    sizes = tuple(np.maximum(unit_along(orbit), unit).tolist())
+    return replace(orbit, map=orbit.map._with(scale=Scale(sizes, sizes)))
 
 
 def value_of(orbit: PeriodicOrbit, name: str) -> float:
@@ -64,17 +85,19 @@ class Point:
 class Walk:
     """Predictor, corrector and bisection in the plane of states and one parameter."""
 
-    def __init__(self, orbit: PeriodicOrbit, name: str, scale: float) -> None:
+    def __init__(self, orbit: PeriodicOrbit, name: str, scale: float, unit: np.ndarray | None = None) -> None:
         self.map, self.name, self.scale = orbit.map, name, scale
         self.bounds = (-math.inf, math.inf)  # of the parameter: what it is tried at
         self.usual = 0  # steps of solve() that the last orbit took
         self.until: Budget | None = None  # of the whole walk
+        self.unit, self.first = unit_along(orbit) if unit is None else unit, orbit.x
         self._take(orbit)
 
     def _take(self, orbit: PeriodicOrbit) -> None:
         """From now on in the segments of this orbit."""
         self.segments = orbit.segments
-        self.weight = 1.0 if orbit.segments is None else math.sqrt(len(orbit.segments))
+        self.units = np.tile(self.unit, 1 if orbit.segments is None else len(orbit.segments))
+        self.sizes = _weighted(self.units, self.unit)
 
     def value(self, point: Point) -> float:
         return float(point.u[-1] * self.scale)
@@ -93,14 +116,14 @@ class Walk:
         except ValueError:  # outside the assumptions of the parameter
             return None
         shooting = here if self.segments is None else Shooting(here, self.segments.cuts)
-        x = u[:-1] * self.weight
+        x = u[:-1] * self.sizes
         with within(Budget() if known else self._trial()):
             image = shooting.image(x, (self.name,))
         if not image.success:
             return None
         here, F = shooting, image.x - x
-        slope = (image.jacobian - np.eye(len(F))) * self.weight
-        DF = np.column_stack([slope, image.by_parameter[:, 0] * self.scale])
+        slope = (image.jacobian - np.eye(len(F))) * self.sizes
+        DF = np.column_stack([slope, image.by_parameter[:, 0] * self.scale]) / self.units[:, None]
         return (here, image, F, DF) if np.isfinite(DF).all() else None
 
     def _trial(self) -> Budget:
@@ -109,11 +132,15 @@ class Walk:
         steps = _TRIAL * max(self.usual, _FEWEST) if self.usual else math.inf
         return Budget(steps, None if seconds is None else max(seconds, 1e-3))
 
+    def unknowns(self, orbit: PeriodicOrbit) -> np.ndarray:
+        """u of an orbit in these segments."""
+        x = orbit.x if orbit.segments is None else orbit.segments.nodes.ravel()
+        return np.append(x / self.sizes, value_of(orbit, self.name) / self.scale)
+
     def point(self, orbit: PeriodicOrbit, direction: np.ndarray) -> Point:
         """The point of a converged orbit, with its tangent along `direction` (of all points, or on the section)."""
         self._take(orbit)
-        x = orbit.x if orbit.segments is None else orbit.segments.nodes.ravel() / self.weight
-        u = np.append(x, value_of(orbit, self.name) / self.scale)
+        u = self.unknowns(orbit)
         if len(direction) != len(u):
             direction = np.concatenate(
                 [direction[: len(orbit.x)], np.zeros(len(u) - 1 - len(orbit.x)), direction[-1:]]
@@ -133,7 +160,7 @@ class Walk:
             if equations is None:
                 return None
             here, image, F, DF = equations
-            x = u[:-1] * self.weight
+            x = u[:-1] * self.sizes
             size = relative(here, F, x, image)
             if size <= TOLERANCE:
                 kept = (False, False) if self.segments is None else self.segments.kept
@@ -145,14 +172,14 @@ class Walk:
             if size > 10 * last or steps == _MOST_NEWTON:
                 return None
             last = size
-            right = np.append(-F, -normal @ (u - guess))
+            right = np.append(-F / self.units, -normal @ (u - guess))
             step = np.linalg.lstsq(np.vstack([DF, normal]), right, rcond=1e-14)[0]
             u = u + step
             stays = pinned(image)
-            u[:-1][stays] = image.x[stays] / self.weight
+            u[:-1][stays] = image.x[stays] / self.sizes[stays]
             if (there := self._moved(here, u)) is None:
                 return None
-            u = np.append(onto_section(there, u[:-1] * self.weight) / self.weight, u[-1])
+            u = np.append(onto_section(there, u[:-1] * self.sizes) / self.sizes, u[-1])
         return None
 
     def _moved(self, shooting: Any, u: np.ndarray) -> Any:
@@ -178,11 +205,11 @@ class Walk:
         if time is None:
             return here
         map_, period = self.map, section.forcing_period
-        part = map_.solved(here.u[:-1], time, here.orbit.system)
+        part = map_.solved(here.orbit.x, time, here.orbit.system)
         found = moved(part, chosen_parameters(part.system, (self.name,)))
         turned = map_.at_phase(time / period)
         slope = section._period_slope(self.name)
-        along = found.matrix @ here.tangent[:-1] + here.tangent[-1] * self.scale * (
+        along = found.matrix @ (here.tangent[:-1] * self.sizes) + here.tangent[-1] * self.scale * (
             found.by_parameter[:, 0]
             + found.rates * slope * time / period
             - found.matrix @ found.first_rates * slope * map_.phase
@@ -191,7 +218,7 @@ class Walk:
         if not orbit.success:
             return here
         self.map = turned
-        return self.point(orbit, np.append(along, here.tangent[-1]))
+        return self.point(orbit, np.append(along / self.unit, here.tangent[-1]))
 
     def _rephased_in_segments(self, here: Point) -> Point:
         segments, map_ = here.orbit.segments, here.orbit.map
@@ -205,7 +232,7 @@ class Walk:
         if not 0 < place < 1 or distance * map_.beat < 2 * near:
             return here
         found = cut(
-            shooting, segments.nodes.ravel(), here.image, way=here.tangent[:-1] * self.weight,
+            shooting, segments.nodes.ravel(), here.image, way=here.tangent[:-1] * self.sizes,
             speed=here.tangent[-1] * self.scale, name=self.name, also=place,
         )  # fmt: skip
         if found is None:
@@ -216,7 +243,7 @@ class Walk:
         if not other.success:
             return here
         self.map = turned.map
-        return self.point(other, np.append(way / math.sqrt(turned.number), here.tangent[-1]))
+        return self.point(other, np.append(self._scaled(way), here.tangent[-1]))
 
     def cut(self, here: Point) -> Point | None:
         """The same orbit in segments, where deviations grow on the way by more than its multipliers tell."""
@@ -233,7 +260,7 @@ class Walk:
             if (new := _begun(orbit)) is None:
                 return here
             shooting, X, image = new
-            way = np.concatenate([here.tangent[:-1], np.zeros(len(X) - len(orbit.x))])
+            way = np.concatenate([here.tangent[:-1] * self.sizes, np.zeros(len(X) - len(orbit.x))])
         else:
             shooting, X, image = Shooting(orbit.map, segments.cuts), segments.nodes.ravel(), here.image
             if not segments.asked and settled(list(segments.matrices), size, largest):
@@ -242,7 +269,7 @@ class Walk:
                     return self.point(whole, here.tangent)
             if not restless(shooting, image, segments.held, self.scale):
                 return here
-            way = here.tangent[:-1] * self.weight
+            way = here.tangent[:-1] * self.sizes
         number = len(segments) if segments is not None and segments.asked else None
         found = cut(
             shooting, X, image, number=number, way=way, speed=here.tangent[-1] * self.scale, name=self.name
@@ -255,12 +282,32 @@ class Walk:
         other = shot(Shooting(orbit.map, cuts), X, (number is not None, held))
         if not other.success:
             return here
-        return self.point(other, np.append(way / math.sqrt(len(X) / len(orbit.x)), here.tangent[-1]))
+        return self.point(other, np.append(self._scaled(way), here.tangent[-1]))
+
+    def derivative(self, point: Point) -> np.ndarray:
+        """The derivative of the map at a point, in the units of the walk."""
+        J = point.image.jacobian
+        units = np.tile(self.unit, len(J) // len(self.unit))
+        return J * units / units[:, None]
+
+    def _scaled(self, way: np.ndarray) -> np.ndarray:
+        """A way of all points at which segments begin, in the units of the walk."""
+        return way / _weighted(np.tile(self.unit, len(way) // len(self.unit)), self.unit)
+
+    def rescaled(self, here: Point) -> Point:
+        """The same point in larger units, where the motion or its way along the branch has become much larger."""
+        grown = np.maximum(extents(here.image.runs), np.abs(here.orbit.x - self.first))
+        unit = np.maximum(self.unit, [unit_of(size) if size > 0 else 0.0 for size in grown.tolist()])
+        if np.all(unit == self.unit):
+            return here
+        old, self.unit = self.sizes, unit
+        self._take(here.orbit)
+        return self.point(here.orbit, np.append(here.tangent[:-1] * old / self.sizes, here.tangent[-1]))
 
     def step(self, here: Point, ds: float) -> Point | None:
         """One step along the tangent; None if it must be shorter."""
         there = self.correct(here.u + ds * here.tangent, here.tangent, here.tangent)
-        if there is None or np.linalg.norm(there.u - here.u) > 2 * ds:
+        if there is None or not 0 < np.linalg.norm(there.u - here.u) <= 2 * ds:
             return None
         if ds > _MOVES and _sticks(there) and not _sticks(here):
             return None  # a shorter step comes near enough to move the section first
@@ -285,7 +332,10 @@ class Walk:
                 there = self.correct(here.u + 2 * reach * direction, direction, direction)
                 if there is None or np.linalg.norm(there.u - here.u) > 20 * reach:
                     continue
-                if not same_itinerary(here.orbit, there.orbit) or slopes_apart(here, there) > JUMP_OF_SLOPES:
+                if (
+                    not same_itinerary(here.orbit, there.orbit)
+                    or slopes_apart(self, here, there) > JUMP_OF_SLOPES
+                ):
                     return there
         return None
 
@@ -355,6 +405,11 @@ def _begun(orbit: PeriodicOrbit) -> tuple[Shooting, np.ndarray, Image] | None:
     return (shooting, X, image) if image.success else None
 
 
+def same_state(one: np.ndarray, other: np.ndarray, unit: np.ndarray) -> bool:
+    """Whether two points on the section are one, in units of their states."""
+    return bool(np.linalg.norm((one - other) / unit) <= SAME * (1 + np.linalg.norm(other / unit)))
+
+
 def leaves(walk: Walk, begun: np.ndarray, uncertainty: float, point: Point, normal: np.ndarray) -> Point | None:
     """The point of a branch with a quarter of a point's amplitude, if the branch comes from its beginning to that one.
 
@@ -372,9 +427,9 @@ def leaves(walk: Walk, begun: np.ndarray, uncertainty: float, point: Point, norm
     return point
 
 
-def slopes_apart(one: Point, other: Point) -> float:
+def slopes_apart(walk: Walk, one: Point, other: Point) -> float:
     """How much the derivatives of the map at two points differ, relative to 1 or to their size if that is more."""
-    a, b = one.image.jacobian, other.image.jacobian
+    a, b = (walk.derivative(point) for point in (one, other))
     if a.shape != b.shape:
         return 0.0
     return float(np.abs(a - b).max(initial=0.0)) / max(1.0, np.abs(a).max(initial=0.0))

@@ -22,12 +22,12 @@ from ..orbits.finding import refined_to
 from ..orbits.fixed_points import SAME
 from ..orbits.itineraries import JUMP, Change, change_between, same_itinerary
 from ..orbits.periodic_orbit import PeriodicOrbit
-from .arclength import Point, Walk
+from .arclength import Point, Walk, unit_along
 from .bracketing import zero_between
 from .conditions.captures import CAPTURE
 from .conditions.conditions import factors, pairs
 from .jumps import ADDING, jump_between
-from .naming import BORDER, BRACKET, TOUCHED, border_between, crosses, has_multiplier, touches
+from .naming import BORDER, BRACKET, TOUCHED, border_between, has_multiplier, touches, turn_named
 
 __all__ = ["Bifurcation", "bifurcations_between"]
 
@@ -202,8 +202,9 @@ def of_no_effect(change: Change, one: PeriodicOrbit, other: PeriodicOrbit) -> bo
     """Whether independent events change their order: the map has the same derivative at two orbits so little apart."""
     if change.name != "change of order":
         return False
-    off = np.abs(one.jacobian - other.jacobian).max(initial=0.0)
-    return bool(off <= 100 * _APART[0] * np.abs(one.jacobian).max(initial=0.0))
+    unit = unit_along(one)
+    a, b = (orbit.jacobian * unit / unit[:, None] for orbit in (one, other))
+    return bool(np.abs(a - b).max(initial=0.0) <= 100 * _APART[0] * np.abs(a).max(initial=0.0))
 
 
 def collapse_between(
@@ -215,7 +216,7 @@ def collapse_between(
     orbits half a turn later, or on to the shorter orbit itself, run through twice. None where nothing of this is seen.
     """
     for count in range(1, walk.map.count):
-        if walk.map.count % count == 0 and (near := _shrunk(here, there, count)) is not None:
+        if walk.map.count % count == 0 and (near := _shrunk(walk, here, there, count)) is not None:
             break
     else:
         return None
@@ -223,8 +224,8 @@ def collapse_between(
     orbit = refined_to(short.orbit, count, x)
     if not orbit.success:
         return count, []
-    single = Walk(orbit, walk.name, walk.scale)
-    at = single.point(orbit, there.u - here.u)
+    single = Walk(orbit, walk.name, walk.scale, walk.unit)
+    at = single.point(orbit, (there.u - here.u)[[*range(len(orbit.x)), -1]])
     # The shorter orbit lives on both sides of the collapse: from well behind it to well before.
     q = [walk.value(p) for p in (here, there)]
     if short is here:
@@ -236,11 +237,11 @@ def collapse_between(
     return count, bifurcations_between(single, before, behind)
 
 
-def _shrunk(here: Point, there: Point, count: int) -> tuple[Point, np.ndarray] | None:
+def _shrunk(walk: Walk, here: Point, there: Point, count: int) -> tuple[Point, np.ndarray] | None:
     """Where the way to the next point leads onto or through an orbit of `count` applications, and a guess of it."""
-    steps = [p.orbit.after(count) - p.orbit.x for p in (here, there)]
+    steps = [(p.orbit.after(count) - p.orbit.x) / walk.unit for p in (here, there)]
     sizes = [np.linalg.norm(step) for step in steps]
-    if sizes[1] <= SAME * (1 + np.linalg.norm(there.orbit.x)):
+    if sizes[1] <= SAME * (1 + np.linalg.norm(there.orbit.x / walk.unit)):
         return there, there.orbit.x
     # Through it the branch comes to the same orbits, `count` applications later, and turns back.
     turns = steps[0] @ steps[1] < -0.5 * sizes[0] * sizes[1] and here.tangent[-1] * there.tangent[-1] < 0
@@ -392,7 +393,9 @@ def _smooth(walk: Walk, here: Point, there: Point) -> tuple[list[Bifurcation], b
         if kind == "branch point" and here.tangent[-1] * there.tangent[-1] < 0:
             continue  # the same zero as the fold's
         point = zero_between(walk, here, there, test)
-        if point is None or not (has_multiplier(point.orbit, kind) and crosses(walk, here, there, point, kind)):
+        if point is not None and kind == "fold" and has_multiplier(point.orbit, kind):
+            kind = turn_named(walk, here, there, point)
+        if point is None or not kind or not has_multiplier(point.orbit, kind):
             earned = False
             continue
         # Multipliers and tangents are known to some 1e-10; that over the slope of the test function.

@@ -20,10 +20,10 @@ from ...paths.budget import MOST_STEPS, Budget, opened, within
 from ..equilibria.equilibrium import Equilibrium
 from ..maps.sections import Stroboscopic, depends_on_time
 from ..maps.symmetry import repeats_in
-from ..orbits.fixed_points import SAME, not_repeated
+from ..orbits.fixed_points import not_repeated
 from ..orbits.itineraries import JUMP
 from ..orbits.periodic_orbit import PeriodicOrbit, none_found
-from .arclength import Point, Walk, leaves, value_of
+from .arclength import Point, Walk, in_units, leaves, same_state, unit_along, value_of
 from .bifurcations import Bifurcation, bifurcations_between, collapse_between
 from .branch import _Along
 from .conditions.captures import CAPTURE
@@ -225,7 +225,7 @@ def _by_shorter_periods(orbit: PeriodicOrbit) -> PeriodicOrbit:
     for parts in (2, 3, 5):
         if repeats_in(orbit.system, map_.forcing_period / parts):
             single = replace(map_, period=map_.period / parts, phase=map_.phase * parts, count=1)
-            if np.abs(single.image(x).x - x).max() > SAME * (1 + np.abs(x).max()):
+            if not same_state(single.image(x).x, x, map_.unit):
                 return _by_shorter_periods(replace(orbit, map=replace(single, count=parts * map_.count)))
     return orbit
 
@@ -304,7 +304,7 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
         if past is not None:
             return f"reached {name} = {past:g}."
         ds = min(ds * (2.0 if there.steps <= 3 else 1.0 if there.steps <= 5 else 0.5), longest_step)
-        here = walk.rephased(there)
+        here = walk.rescaled(walk.rephased(there))
         if there.orbit.segments is None and here.orbit.segments is not None:
             branch.orbits[-1] = here.orbit  # the same one, better known
     return f"stopped after {len(branch.orbits)} orbits (`most`)."
@@ -351,10 +351,9 @@ def _away(walk: Walk, here: Point, there: Point, found: list[Bifurcation]) -> Po
     corner = next((b.beyond for b in reversed(found) if b.beyond is not None), None)
     if corner is None or there.tangent @ here.tangent >= 0.8:
         return there
-    x = corner.x if corner.segments is None else corner.segments.nodes.ravel() / walk.weight
-    if len(x) + 1 != len(there.u):
+    if (1 if corner.segments is None else len(corner.segments)) * len(corner.x) + 1 != len(there.u):
         return there
-    way = there.u - np.append(x, value_of(corner, walk.name) / walk.scale)
+    way = there.u - walk.unknowns(corner)
     return replace(there, tangent=-there.tangent) if way @ there.tangent < 0 else there
 
 
@@ -420,15 +419,16 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
         )
     old, beside = bifurcation.orbit, bifurcation.kind == "branch point"
     doubled, x, direction = _critical(old) if beside else _doubled(old)
-    walk = Walk(doubled, bifurcation.name, 1.0)
-    normal = np.append(direction / np.linalg.norm(direction), 0.0)
-    guess = np.append((x + amplitude * direction) / walk.weight, bifurcation.parameter)
+    walk = Walk(doubled, bifurcation.name, 1.0, unit_along(old))
+    normal = np.append(direction / walk.units, 0.0)
+    normal /= np.linalg.norm(normal)
+    guess = np.append((x + amplitude * direction) / walk.sizes, bifurcation.parameter)
     point = walk.correct(guess, normal, normal)
     lost = "give another `amplitude`, a smaller one as a rule."
     if point is None:
         return none_found(doubled.map, old.x, f"no orbit was found on the branch at this distance: {lost}")
-    orbit = point.orbit
-    begun = np.append(x / walk.weight, bifurcation.parameter)
+    orbit = in_units(point.orbit, walk.unit)
+    begun = np.append(x / walk.sizes, bifurcation.parameter)
     quarter = leaves(walk, begun, bifurcation.uncertainty, point, normal)
     # The critical multiplier leaves 1 as the square of the amplitude, and has not come as far as 0.
     if quarter is None or not np.abs(quarter.orbit.map_multipliers - 1).min(initial=np.inf) < 1 / 16:
@@ -440,7 +440,7 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
     else:
         half = orbit.segments.nodes[len(orbit.segments) // 2]
         once = half if (G := getattr(old.map, "symmetry", None)) is None else np.linalg.solve(G, half)
-    if np.linalg.norm(once - orbit.x) <= SAME * (1 + np.linalg.norm(orbit.x)):
+    if same_state(once, orbit.x, walk.unit):
         return replace(orbit, success=False, message=f"found was an orbit of the branch's own stem: {lost}")
     return orbit
 

@@ -58,18 +58,20 @@ def _on_locus(mu: np.ndarray, kind: str) -> bool:
     return bool(np.abs(mu - root).min(initial=np.inf) <= _NEARLY)
 
 
-def crosses(walk: Walk, here: Point, there: Point, point: Point, kind: str) -> bool:
-    """Whether a fold's multiplier goes through 1, so that the branch turns as a parabola does: to both sides of it."""
-    if kind != "fold":
-        return True
+def turn_named(walk: Walk, here: Point, there: Point, point: Point) -> str:
+    """What a point is at which a branch turns back: a fold, if its multiplier goes through 1.
+
+    If it only touches 1, another branch meets this one at its vertex. Empty where it stays 1: there the branch is a set
+    of orbits at one value of the parameter.
+    """
     chord = there.u - here.u
     part = float((point.u - here.u) @ chord / (chord @ chord))
     beside = [walk.along(here, there, part + side * min(part, 1 - part) / 2) for side in (-1, 1)]
-    values = [
-        factors((end if near is None else near).orbit.map_multipliers, 1)
-        for near, end in zip(beside, (here, there))
-    ]
-    return values[0] * values[1] < 0
+    orbits = [(end if near is None else near).orbit for near, end in zip(beside, (here, there))]
+    if any(orbit._at_rounding(1) for orbit in orbits):
+        return ""
+    values = [factors(orbit.map_multipliers, 1) for orbit in orbits]
+    return "fold" if values[0] * values[1] < 0 else "branch point"
 
 
 def border_between(walk: Walk, here: Point, there: Point) -> tuple[Point, Point] | None:
@@ -77,7 +79,7 @@ def border_between(walk: Walk, here: Point, there: Point) -> tuple[Point, Point]
 
     None where they do not: a jump stays as large while its two sides come together.
     """
-    jump = slopes_apart(here, there)
+    jump = slopes_apart(walk, here, there)
     if not jump > JUMP_OF_SLOPES or here.orbit.degenerate or there.orbit.degenerate:
         return None
     left, right, low, high = here, there, 0.0, 1.0
@@ -89,18 +91,17 @@ def border_between(walk: Walk, here: Point, there: Point) -> tuple[Point, Point]
         point = walk.along(here, there, middle, left)
         if point is None or not same_itinerary(here.orbit, point.orbit):
             return None
-        before, behind = slopes_apart(left, point), slopes_apart(point, right)
+        before, behind = slopes_apart(walk, left, point), slopes_apart(walk, point, right)
         if max(before, behind) < _SHARE * jump:
             return None  # it bends, and does not jump
         if before < behind:
             low, left = middle, point
         else:
             high, right = middle, point
-    # Where an event meets the section slopes jump, too, and the multipliers do not.
-    before, behind = (np.poly(point.orbit.map_multipliers) for point in (left, right))
-    if np.abs(before - behind).max() <= _NEARLY * np.abs(before).max():
-        return None
-    return (left, right) if slopes_apart(left, right) > _SHARE * jump else None
+    a, b = (np.sort_complex(point.orbit.map_multipliers) for point in (left, right))
+    apart = float(np.abs(a - b).max(initial=0.0)) / max(1.0, float(np.abs(a).max(initial=0.0)))
+    jumps = slopes_apart(walk, left, right) > _SHARE * jump and apart > JUMP_OF_SLOPES
+    return (left, right) if jumps else None
 
 
 # ---- touches

@@ -249,7 +249,7 @@ def _begun(lead: Lead, condition: Condition, names: tuple[str, str], bounds: np.
     given_ = {p.name: value for p, value in map_.system.parameters.items()}
     middle = bounds.mean(axis=1) / widths
     for amplitude in (0.0,) if lead.direction is None else _AMPLITUDES:
-        walk = CurveWalk(map_, condition, names, widths, n, held)
+        walk = CurveWalk(map_, condition, names, widths, x, held)
         at = x if lead.direction is None else x + amplitude * (1 + np.abs(x).max()) * lead.direction
         w = np.append(at, [given_[q] for q in names])
         place = walk.place(w)

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...door.describe import Described, Rows, listed, number, values
 from ...door.documenting import complete
+from ..maps.scales import unit_of
 from .disc_modes import places
 from .stability import Linear, linear_at, signs
 from .statics import Sides, Statics
@@ -64,6 +65,13 @@ class Equilibrium(Described):
     success: bool = True
     message: str = ""
     _free: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    _unit: tuple[float, ...] = ()  # of the states: what was looked for it with
+
+    @property
+    def unit(self) -> np.ndarray:
+        """Sizes of the states against which deviations are measured, shape (n,), as powers of 1024."""
+        own = len(self.x) - self.system.model.n_memory
+        return np.array([unit_of(size) for size in self._unit or (1.0,) * own])
 
     @property
     def start(self) -> dict[str, float]:
@@ -213,5 +221,6 @@ def made(
     free = statics.free(statics(row)[1][0])
     mult[[own for own, _ in places(system.model) if statics.sides[own]]] = 1.0
     return Equilibrium(
-        system, x[:, 0], mult[:, 0], statics.sides, float(error), int(steps), True, message, free
-    )
+        system, x[:, 0], mult[:, 0], statics.sides, float(error), int(steps), True, message, free,
+        tuple(statics.unit[: statics.n].tolist()),
+    )  # fmt: skip

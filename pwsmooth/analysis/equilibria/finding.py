@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ...door import checks
+from ..maps.scales import units_at
 from .equilibrium import Equilibrium, made
 from .modes import autonomous, beside_exact, fits, modes, same, set_ending_at, without_idle
 from .statics import MOST_NEWTON, RANK, ROUNDING, Sides, Statics, beyond, free_directions, newton
@@ -233,18 +234,19 @@ def find_equilibrium(system: Any, x0: Any, *, sides: Any = None, virtual: bool =
         x0 = {k: value for k, value in x0.items() if key[k] not in names}
     start = np.array(system.initial_state(x0), float)
     n = len(start) - model.n_memory
+    unit = units_at(start[:n])
     found: list[tuple[float, float, Equilibrium]] = []
     named = {str(s): value for s, value in zip(model.states, start)}
     seeds = beside_exact(system, lambda exact: filter(lambda e: e.success, [
         find_equilibrium(exact, {s: named[str(s)] for s in exact.states if str(s) in named})]))  # fmt: skip
 
     def tried(mode: Sides) -> list[Equilibrium]:
-        statics = Statics(system, mode, start[n:])
+        statics = Statics(system, mode, start[n:], unit=unit)
         first = _from(start[:n], statics, guesses)
         if len(seeds):
             first = np.concatenate([seeds, first])
         u, errors, steps = newton(statics, first)
-        distances = np.linalg.norm((u[:, :n] - start[:n]) / (1 + np.abs(start[:n])), axis=1).round(8)
+        distances = np.linalg.norm((u[:, :n] - start[:n]) / (unit + np.abs(start[:n])), axis=1).round(8)
         these: list[Equilibrium] = []
         for k in sorted(np.flatnonzero(np.isfinite(errors)), key=lambda k: distances[k]):
             far = float(distances[k])
@@ -254,7 +256,7 @@ def find_equilibrium(system: Any, x0: Any, *, sides: Any = None, virtual: bool =
             these.append(e)
             # At its end a set has a point in common with another mode, which need not know that there is a set.
             alike = (other for *_, other in found if e.isolated or e.sides == other.sides)
-            if fits(system, e.x) and not any(same(e, other) for other in alike):
+            if fits(system, e.x) and not any(same(e, other, unit) for other in alike):
                 off = max((abs(e.mult[j] - guess) for j, guess in guesses.items()), default=0.0)
                 found.append((far, off, e))
         return these

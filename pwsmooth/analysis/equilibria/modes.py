@@ -108,7 +108,7 @@ def set_ending_at(e: Equilibrium, found: list[Equilibrium]) -> Equilibrium | Non
         # The end of a disc's set is a set itself: slips without speed, in any direction.
         if not (e.isolated or all(e.system.model.multipliers[j].kind == "disc" for j in own)):
             continue
-        statics = Statics(e.system, sides, memories)
+        statics = Statics(e.system, sides, memories, unit=e.unit)
         u = statics.unknowns(e.x, e.mult)[None]
         error = statics.error(*statics(u), u)[0]
         if own and all(e.sides[j] for j in own) and error <= 1e3 * ROUNDING:

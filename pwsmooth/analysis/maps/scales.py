@@ -83,7 +83,8 @@ def scale_along(
     """
     low, high = _bounds(runs)
     size, largest = high - low, np.maximum(np.abs(low), np.abs(high))
-    size = np.where(size > _STILL * largest, size, largest)
+    moves = size > _STILL * largest
+    size = np.where(moves, size, largest)
     if before is not None and np.isfinite(before).all() and (before > 0).all():
         left = float((size / before).max())
         if left < _STILL:
@@ -94,7 +95,8 @@ def scale_along(
         size = np.maximum(size, _COUPLED * (acts * size).max(axis=1, initial=0.0))
         with np.errstate(divide="ignore", invalid="ignore"):  # as large as what others feel of it by roundings
             felt = np.where((acts > 0) & (size > 0)[:, None], size[:, None] / acts, np.inf).min(axis=0)
-        size = np.where(np.isfinite(felt) & (size > 0), np.maximum(size, _STILL * felt), size)
+        # A state that moves has its size; what others feel of it may be a rounding of 0.
+        size = np.where(np.isfinite(felt) & (size > 0) & ~moves, np.maximum(size, _STILL * felt), size)
     if not np.isfinite(size).all() or not size.any():
         return known
     size[size == 0] = size[size > 0].min()
@@ -120,6 +122,20 @@ def lowest(runs: Sequence[Solution]) -> dict[int, float]:
     low, high = _bounds(runs)
     kept = [i for i in _relative(runs[0].model) if low[i] * high[i] > 0]
     return {i: float(min(abs(low[i]), abs(high[i]))) for i in kept}
+
+
+def units_at(x: np.ndarray) -> np.ndarray:
+    """Units of the states at a point, shape (n,)."""
+    scale = scale_at(x)
+    return np.ones(len(x)) if scale is None else np.array(scale.unit)
+
+
+def units_of_motion(moves: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Units of states at x that move so far along a return: of the larger of both, shape (n,)."""
+    size = np.maximum(moves, np.abs(x))
+    size[size <= _NOISE * np.max(size, initial=0.0)] = 0.0
+    size[size == 0] = size[size > 0].min() if size.any() else 1.0
+    return np.array([unit_of(one) for one in size.tolist()])
 
 
 def unit_of(size: float) -> float:

@@ -22,6 +22,7 @@ from ...maps.impacts import EventImage
 from ...maps.multipliers import balanced
 from ...maps.pieces import Pieces, by_root, critical, spectrum, square
 from ...maps.poincare import Word
+from ...maps.scales import extents, units_of_motion
 from ...maps.segments import Shooting
 from ...maps.windows import TOUCHED
 from ...orbits.fixed_points import pinned
@@ -308,10 +309,16 @@ class BranchPoint(Critical):
 
 
 def units_of(place: Place) -> np.ndarray:
-    """Of the unknowns, in which the null vectors of an orbit in segments have entries of one size, (n,)."""
-    if not isinstance(place.map, Shooting):
-        return np.ones(len(place.x))
-    return balanced(place.DP)
+    """Of the unknowns, in which the null vectors of an orbit have entries of one size, (n,)."""
+    if isinstance(place.map, Shooting):
+        return balanced(place.DP)
+    moves = extents(place.image.runs)
+    return units_of_unknowns(units_of_motion(moves, place.x[: len(moves)]), len(place.x))
+
+
+def units_of_unknowns(unit: np.ndarray, n: int) -> np.ndarray:
+    """Of the n unknowns of a map, with those of its states: of all points, and 1 of an instant that is unknown."""
+    return np.append(np.tile(unit, n // len(unit)), np.ones(n % len(unit)))
 
 
 def others(mu: np.ndarray, critical: list[complex]) -> np.ndarray:

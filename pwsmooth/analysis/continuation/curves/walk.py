@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from ...maps.impacts import FromEvent
-from ...maps.sections import Stroboscopic
+from ...maps.scales import extents, units_of_motion
+from ...maps.sections import Section, Stroboscopic
 from ...maps.segments import Shooting, best_place
 from ...maps.windows import WIDEST, Windowed, recentred
 from ...orbits.finding import refine
@@ -27,7 +28,7 @@ from ...orbits.recutting import anew, at_section, exact, narrowed
 from ..arclength import EASY, NEAR, Point, Walk, only_way, quiet_time, value_of
 from ..conditions import captures
 from ..conditions.captures import AtFold, Capture
-from ..conditions.conditions import Condition, Place, along, differences, place_of
+from ..conditions.conditions import Condition, Place, along, differences, place_of, units_of_unknowns
 from ..conditions.tangencies import AtEvent
 
 _MOST_NEWTON = 8
@@ -60,19 +61,29 @@ class CurveWalk(Walk):
     """Predictor and corrector in the space of states, two parameters and the condition's own unknowns."""
 
     def __init__(
-        self, map_: Any, condition: Condition, names: tuple[str, str], scales: np.ndarray, n: int, held: bool
+        self,
+        map_: Any,
+        condition: Condition,
+        names: tuple[str, str],
+        scales: np.ndarray,
+        x: np.ndarray,
+        held: bool,
     ) -> None:
         self.reach = 1.0  # how long the present step is
         self.condition, self.names, self.scales = condition, names, scales
         self.offset: Any = 0.0  # what c is, on the way to a first point
-        self.take(map_, n, held)
+        runs = map_.image(x).runs
+        moves = extents(runs)
+        self.unit = units_of_motion(moves, x[: len(moves)])
+        self.take(map_, len(x), held)
 
     def take(self, map_: Any, n: int, held: bool) -> None:
         """From now on with this map, of n unknowns: those of segments are counted as in arclength.py."""
         self.map: Any = map_
         self.n, self.held = n, held
         weight = math.sqrt(map_.number) if isinstance(map_, Shooting) else 1.0
-        self.sizes = np.concatenate([np.full(n, weight), self.scales, np.ones(self.condition.extras)])
+        self.units = units_of_unknowns(self.unit, n)
+        self.sizes = np.concatenate([weight * self.units, self.scales, np.ones(self.condition.extras)])
 
     def place(self, w: np.ndarray) -> Place | None:
         """F and its slopes at w = (x, p, q), not scaled; None where the trajectory does not return."""
@@ -138,13 +149,14 @@ class CurveWalk(Walk):
                 [place.F + condition.unfolding(extra), condition.value(place, extra) - self.offset]
             )
             DG = np.vstack([np.hstack([place.DF, condition.unfolding_slopes(n)]), slopes]) * self.sizes
-            rows, right = DG, -G
+            DG[:n] /= self.units[:, None]
+            rows, right = DG, np.append(-G[:n] / self.units, -G[n:])
             if normal is not None:
                 rows, right = np.vstack([DG, normal]), np.append(right, -normal @ (u - guess))
             if not (np.isfinite(rows).all() and np.isfinite(right).all()):
                 return None
             move = np.linalg.lstsq(rows, right, rcond=1e-14)[0]
-            off = float(np.abs(G[:n] / (1 + np.abs(w[:n]))).max(initial=0.0))
+            off = float(np.abs(G[:n] / (self.units + np.abs(w[:n]))).max(initial=0.0))
             size = float(np.abs(move / (1 + np.abs(u))).max())
             if not np.isfinite(size):
                 return None
@@ -170,8 +182,21 @@ class CurveWalk(Walk):
             last, slow = size, size > _SLOW * last
             u, weight, stays = u + move, self.sizes[:n], pinned(place.image)
             u[:n][stays] = place.image.x[stays] / weight[stays]
-            u = np.concatenate([onto_section(exact(place.map), u[:n] * weight) / weight, u[n:]])
+            if (there := self._moved(place.map, u)) is None:
+                return None
+            u = np.concatenate([onto_section(there, u[:n] * weight) / weight, u[n:]])
         return None
+
+    def _moved(self, map_: Any, u: np.ndarray) -> Any:
+        map_ = exact(map_)
+        inner = map_.map if isinstance(map_, Shooting) else map_
+        if not (isinstance(inner, Section) and {*self.names} & {*map(str, inner.surface.free_symbols)}):
+            return map_
+        values = (u * self.sizes)[self.n : self.n + 2]
+        try:
+            return map_.with_parameters(dict(zip(self.names, map(float, values))))
+        except ValueError:  # outside the assumptions of a parameter
+            return None
 
     def step(self, here: Any, ds: float) -> Any:
         self.reach = ds

@@ -39,9 +39,9 @@ class Statics2(Statics):
     """The equations of a mode in (x, lam_J, p, q)."""
 
     def __init__(
-        self, system: Any, sides: tuple[int, ...], memories: np.ndarray, names: tuple[str, str]
+        self, system: Any, sides: tuple[int, ...], memories: np.ndarray, names: tuple[str, str], unit: Any = 1.0
     ) -> None:
-        super().__init__(system, sides, memories)
+        super().__init__(system, sides, memories, unit=unit)
         chosen: Any = tuple(next(p for p in system.parameters if p.name == name) for name in names)
         self.line, self.q, self.names = linearise(in_mode(system.model, sides), chosen), chosen, names
         held = list(system.model.parameters)
@@ -239,7 +239,7 @@ class Boundary(EquilibriumCondition):
         mult[self.j] = self.new if self.new else (0.0 if old.system.model.multipliers[self.j].kind == "contact" else
                                                   float(sides[self.j]))  # fmt: skip
         sides[self.j] = self.new
-        there = Statics2(old.system, tuple(sides), old.memories, old.names)
+        there = Statics2(old.system, tuple(sides), old.memories, old.names, old.unit[: old.n])
         u = np.concatenate([there.unknowns(x, mult, old.parts(spot.u[None])[2]), spot.u[old.size :]])
         DF = there(u[None])[1][0]
         return Spot(there, u, DF, spot.system) if np.isfinite(DF).all() else None

@@ -19,11 +19,11 @@ import numpy as np
 import sympy as sp
 
 from ....door import calls, checks
-from ...maps.scales import scale_at, unit_of
+from ...maps.scales import Scale, units_at
 from ...maps.sections import LONGEST, Section, poincare_map
 from ...maps.segments import TOO_LONG, Segments
 from ...orbits.periodic_orbit import PeriodicOrbit, none_found
-from ..arclength import Walk, leaves
+from ..arclength import Walk, in_units, leaves
 from .branch import EquilibriumBifurcation
 
 __all__ = ["cycle_from"]
@@ -92,7 +92,9 @@ def cycle_from(
         section = sp.Add(*(float(c) * (s - float(x)) for c, s, x in zip(p.imag, system.model.states, e.x)))
     map_ = poincare_map(system, None, section, direction, LONGEST, options)
     assert isinstance(map_, Section)
-    map_ = map_._with(scale=scale_at(np.append(amplitude * np.abs(q), np.zeros(len(e.x) - own))))
+    # A cycle is small against the states where it begins: its own size is their unit.
+    unit = units_at(np.append(amplitude * np.abs(q), np.zeros(len(e.x) - own)))
+    map_ = map_._with(scale=Scale(tuple(unit.tolist()), tuple(unit.tolist())))
     h = map_.gradient(e.x)[:own]
     # On the section, and where its function rises: h . Re(q exp(i phase)) = 0, d/dt of it > 0.
     phase = np.pi / 2 - np.angle(h @ q) if abs(h @ q) > 0 else 0.0
@@ -108,15 +110,15 @@ def cycle_from(
     first = PeriodicOrbit(
         map_, e.x, 0.0, nothing[0], (), 0.0, 0, True, "", segments=pieces if number > 1 else None
     )
-    walk = Walk(first, hopf.name, 1.0 / unit_of(amplitude * float(np.linalg.norm(q))))
+    walk = Walk(first, hopf.name, 1.0, unit)
     normal = np.append(ahead.ravel() / np.linalg.norm(ahead), 0.0)
-    begun = np.append(np.tile(e.x, number) / walk.weight, hopf.parameter / walk.scale)
-    guess = begun + np.append(amplitude * ahead.ravel() / walk.weight, 0.0)
+    begun = np.append(np.tile(e.x, number) / walk.sizes, hopf.parameter)
+    guess = begun + np.append(amplitude * ahead.ravel() / walk.sizes, 0.0)
     point = walk.correct(guess, normal, normal)
     lost = "give another `amplitude`, a smaller one as a rule, or a `section` that the cycle crosses."
     if point is None:
         return none_found(map_, e.x, f"no orbit was found at this distance from the Hopf point: {lost}")
-    orbit = point.orbit
+    orbit = in_units(point.orbit, np.append(e.unit, np.ones(len(e.x) - own)))
     if np.linalg.norm(orbit.x - e.x) < _SMALLEST * amplitude * np.linalg.norm(ahead[0]):
         return none_found(map_, e.x, f"no orbit was found but the equilibrium itself: {lost}")
     if (

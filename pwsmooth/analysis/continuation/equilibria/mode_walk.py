@@ -16,6 +16,7 @@ import numpy as np
 
 from ...equilibria.equilibrium import Equilibrium, made
 from ...equilibria.statics import RANK, ROUNDING, Statics
+from ...maps.scales import unit_of
 from ..bracketing import zero_between
 
 _MOST_NEWTON = 10
@@ -37,6 +38,16 @@ class Point:
     slopes: np.ndarray  # of the margins along the tangent
 
 
+def units_of(statics: Statics, e: Equilibrium, u: np.ndarray) -> np.ndarray:
+    """Of the unknowns at a first point: sizes of the states, of reactions and solved unknowns, 1 of multipliers."""
+    size, kinds = np.ones(len(u)), [e.system.model.multipliers[j].kind for j in statics.J]
+    size[: statics.n] = e.unit
+    for k, kind in enumerate(kinds, statics.n):
+        if kind in ("contact", "algebraic") and u[k]:
+            size[k] = unit_of(abs(u[k]))
+    return size + np.abs(u)
+
+
 class Walk:
     """Predictor and corrector in one mode, over a parameter or, along a set of equilibria, a state."""
 
@@ -45,11 +56,11 @@ class Walk:
         own = len(e.x) - e.system.model.n_memory
         q = next((p for p in e.system.parameters if p.name == name), None)
         self.q = q
-        self.statics = Statics(e.system, e.sides, e.x[own:], q)
+        self.statics = Statics(e.system, e.sides, e.x[own:], q, e.unit)
         states = [str(s) for s in e.system.model.states]
         self.place = self.statics.size if q is not None else states.index(name)
         u = self.statics.unknowns(e.x, e.mult)
-        self.unit = 1 + np.abs(u)
+        self.unit = units_of(self.statics, e, u)
         if q is not None:
             u, self.unit = np.append(u, e.system.parameters[q]), np.append(self.unit, scale)
         else:

@@ -16,6 +16,7 @@ import numpy as np
 from ...equilibria.equilibrium import Equilibrium, made
 from ...equilibria.statics import ROUNDING
 from .conditions import Boundary, Spot, Statics2, differences
+from .mode_walk import units_of
 
 _MOST_NEWTON = 12
 _STEP = 1e-10  # of a Newton step, in units, after which a point is converged: c has twelve digits
@@ -41,13 +42,13 @@ class Walk2:
     def __init__(self, e: Equilibrium, names: tuple[str, str], widths: np.ndarray, condition: Any) -> None:
         own = len(e.x) - e.system.model.n_memory
         self.names, self.condition = names, condition
-        self.statics = Statics2(e.system, e.sides, e.x[own:], names)
+        self.statics = Statics2(e.system, e.sides, e.x[own:], names, e.unit)
         self.size = self.statics.size
         x = self.statics.unknowns(e.x, e.mult)
         values = [
             float(next(v for p, v in e.system.parameters.items() if p.name == q)) for q in self.statics.names
         ]
-        self.unit = np.concatenate([1 + np.abs(x), widths])
+        self.unit = np.concatenate([units_of(self.statics, e, x), widths])
         self.first = np.concatenate([x, values]) / self.unit
 
     def spot(self, u: np.ndarray) -> tuple[Spot, np.ndarray, float] | None:
