@@ -16,6 +16,7 @@ import functools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -25,8 +26,10 @@ from ...results.solution import Solution
 _COUPLED = 1e-3  # of what other states do to it: a state that moves less still has a unit of that size
 _NOISE = 1e-14  # of the largest state of a guess: what is smaller says nothing of its unit
 _STILL = 1e-9  # of the state itself: what moves less may move by roundings alone
-_FEW = 16  # steps: with fewer, a run is looked at between them too
+_FEW = 8  # columns: with fewer, a run is looked at between them too
 _BELOW = 2.0**-10  # of its smallest value: the unit of a population's tolerance, for the orbits of a branch too
+
+_looked_at: WeakKeyDictionary[Solution, tuple[np.ndarray, np.ndarray]] = WeakKeyDictionary()
 
 
 class Scale(NamedTuple):
@@ -54,12 +57,19 @@ def fastest(runs: Sequence[Solution]) -> np.ndarray:
 
 
 def _bounds(runs: Sequence[Solution]) -> tuple[np.ndarray, np.ndarray]:
-    values = [run.x for run in runs]
-    for run in runs:
+    low, high = zip(*map(_bounds_of, runs))
+    return np.min(low, axis=0), np.max(high, axis=0)
+
+
+def _bounds_of(run: Solution) -> tuple[np.ndarray, np.ndarray]:
+    """The smallest and the largest value of each state along a run, looked at once."""
+    if run not in _looked_at:
+        values = run.x
         if run.dense is not None and len(run.t) < _FEW and run.t[-1] > run.t[0]:
-            values.append(run.dense(np.linspace(run.t[0], run.t[-1], 2 * _FEW + 1)[1:-1])[0])
-    everything = np.concatenate(values, axis=1)
-    return everything.min(axis=1), everything.max(axis=1)
+            between = run.dense(np.linspace(run.t[0], run.t[-1], 2 * _FEW + 1)[1:-1])[0]
+            values = np.hstack([values, between])
+        _looked_at[run] = values.min(axis=1), values.max(axis=1)
+    return _looked_at[run]
 
 
 def scale_at(x: np.ndarray) -> Scale | None:
@@ -119,8 +129,10 @@ def _of_populations(runs: Sequence[Solution], unit: tuple[float, ...]) -> Scale 
 
 def lowest(runs: Sequence[Solution]) -> dict[int, float]:
     """The least size along runs of each state whose rate vanishes with it, by its place."""
+    if not (kept := _relative(runs[0].model)):
+        return {}
     low, high = _bounds(runs)
-    kept = [i for i in _relative(runs[0].model) if low[i] * high[i] > 0]
+    kept = tuple(i for i in kept if low[i] * high[i] > 0)
     return {i: float(min(abs(low[i]), abs(high[i]))) for i in kept}
 
 

@@ -239,7 +239,8 @@ def _fitted(orbit: PeriodicOrbit, first: Sequence[Image]) -> PeriodicOrbit:
         Shooting(orbit.map, orbit.segments.cuts), orbit.segments.nodes.ravel()
     )  # fmt: skip
     before = np.max([orbit.map.unit, *(extents(image.runs) for image in first)], axis=0)
-    if (fitted := orbit.map.fitted(whole.image(x, ()), before)) is orbit.map:
+    image = orbit._image if orbit._image is not None else whole.image(x, ())
+    if (fitted := orbit.map.fitted(image, before)) is orbit.map:
         return orbit
     whole, kept = (fitted, (False, False)) if orbit.segments is None else (
         Shooting(fitted, orbit.segments.cuts), orbit.segments.kept
@@ -319,6 +320,7 @@ def _checked(orbit: PeriodicOrbit, first: Sequence[Image] = ()) -> PeriodicOrbit
 
     `first` are returns from before Newton's method.
     """
+    orbit = replace(orbit, _image=None)
     if broken := why_none(orbit, first):
         return replace(orbit, success=False, message=broken)
     if not orbit.success:

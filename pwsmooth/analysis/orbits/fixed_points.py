@@ -82,7 +82,7 @@ def newton(
             f"Newton's method stopped after {steps} steps, |P(x) - x| = {size_off:.2g} of what a return moves: give a "
             "guess nearer to the orbit, a `transient`, or another `phase`."
         )
-    return orbit_of(map_, x, image, size_off, steps, success, message, kept)
+    return replace(orbit_of(map_, x, image, size_off, steps, success, message, kept), _image=image)
 
 
 def pinned(image: Image, unit: Any = 1.0) -> np.ndarray:

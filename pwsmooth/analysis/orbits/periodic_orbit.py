@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -97,6 +97,7 @@ class PeriodicOrbit(Described):
     corner: bool = False
     accuracy: float = MULTIPLIERS
     integrals: np.ndarray | None = None
+    _image: Any = field(default=None, repr=False, compare=False)  # of x, while the orbit is being looked at
 
     @property
     def system(self) -> Any:
