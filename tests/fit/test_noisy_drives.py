@@ -51,5 +51,7 @@ def test_a_rough_drive_that_is_exact_is_told_from_a_smooth_one_with_noise():
 
 def test_the_noise_of_samples_is_told_from_their_motion():
     assert level(MOTION) == 0.0 and level(np.ones(801)) == 0.0 and level(noise(1.0)) == 0.0
-    # The median of 800 differences, which share samples, is known to 10 % or so.
+    # The mean square of 800 differences, which share samples, is known to 10 % or so.
     assert level(MOTION + noise(1e-3)) == pytest.approx(1e-3, rel=0.3)
+    # Steps of an encoder: uniform within one, 1e-3/sqrt(12).
+    assert level(np.round(MOTION, 3)) == pytest.approx(1e-3 / np.sqrt(12), rel=0.3)
