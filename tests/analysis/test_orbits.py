@@ -399,6 +399,12 @@ def test_a_spiral_into_a_rest_is_no_orbit(power, transient, size):
     assert "rest" in orbit.message
 
 
+def test_a_transient_that_ends_in_a_rest_says_so():
+    spiral = System({x: u, u: 1 - x - u / 5})
+    orbit = find_orbit(spiral, {x: 2, u: 0}, section=u, direction=-1, transient=100)
+    assert not orbit.success and "comes to rest" in orbit.message and orbit.x == pytest.approx([1, 0])
+
+
 @pytest.mark.parametrize("size", UNITS)
 def test_relays_whose_turns_shrink_by_a_part_that_vanishes_have_no_orbit(size):
     # The return map is x/(1 + 4 x/unit): 1/x grows by the same with each turn.

@@ -35,6 +35,8 @@ _GROWS = 1e2  # over a period
 _NEAR = 1e-2  # relative to the states' size: an orbit so near to the first guess is the one that was meant
 _FEWEST = 8  # segments that begin at one guess
 _PART = 1e-6  # of a population: a larger absolute tolerance is worth a word
+_RESTS = 1e-6  # of what the first return moved, between the last points of a transient
+_COMES_TO_REST = " The motion comes to rest there, which is no orbit; find_equilibrium() finds the rest."
 _RECURRENCE = 1e-5  # a transient that returns so closely is near a periodic orbit
 
 
@@ -141,7 +143,11 @@ def find_orbit(
         if reason:
             last = np.flatnonzero(np.isfinite(points).all(axis=1))
             at = points[last[-1]] if last.size else at
-            return none_found(first, at, f"the transient ended after {last.size} of {transient}: {reason}")
+            said = f"the transient ended after {last.size} of {transient}: {reason}"
+            if begun is not None and last.size > 1:
+                left = np.abs(at - points[last[-2]]) / np.where((moves := extents(begun.runs)) > 0, moves, 1.0)
+                said += _COMES_TO_REST if left.max() <= _RESTS else ""
+            return none_found(first, at, said)
         at = first.within_a_turn(points[-1], at)
         if count is None and symmetry is None:
             first = replace(first, count=_recurrence(points, most, first))
