@@ -56,8 +56,8 @@ def newton(
 ) -> PeriodicOrbit:
     """Newton's method from a point with this image; unknowns in units of what its return moves."""
     moves = extents(image.runs)
-    unit = [unit_of(move) if move > 0 else own for move, own in zip(moves.tolist(), map_.unit.tolist())]
-    unit = np.tile(unit, len(x) // len(unit))
+    units = [unit_of(move) if move > 0 else own for move, own in zip(moves.tolist(), map_.unit.tolist())]
+    unit = np.tile(units, len(x) // len(units))
     off, size_off = off_and_size(map_, x, image, moves)
     steps = 0
     while size_off > TOLERANCE and steps < _MOST_STEPS:
