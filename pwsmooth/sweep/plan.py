@@ -293,7 +293,7 @@ def read_plan(
 
 def _check_noise(plan: Plan, columns: Mapping[str, np.ndarray]) -> None:
     """Refuse, at the first point, noise that the system does not take or that the measures cannot see."""
-    lacking = [m for m in plan.measures if not m.compiled and m.dense]
+    lacking = [m for m in plan.measures if not m.compiled and getattr(m, "dense", False)]
     if lacking and not plan.has_polynomials:
         raise ValueError(
             f"`measures` has {_described(lacking[0])}, which needs values between steps, and a diffusion has none; "
