@@ -140,6 +140,7 @@ def told_bifurcation(b: Bifurcation | EquilibriumBifurcation, setting: Setting) 
             "what": b.what,
             "frequency": b.frequency if math.isfinite(b.frequency) else None,
             "lyapunov": b.lyapunov,
+            "cycle": b.cycle,
         }
         return data | {"orbit": told(b.equilibrium, setting)} | more
     data["orbit"] = told(b.orbit, setting)
@@ -158,7 +159,8 @@ def made_bifurcation(data: Mapping[str, Any], setting: Setting) -> Any:
     four = data["kind"], data["name"], data["parameter"], data["uncertainty"]
     if isinstance(orbit, Equilibrium):
         frequency = math.nan if data["frequency"] is None else data["frequency"]
-        return EquilibriumBifurcation(*four, orbit, None, data["what"], frequency, data["lyapunov"])
+        more = data["what"], frequency, data["lyapunov"], data["cycle"]
+        return EquilibriumBifurcation(*four, orbit, None, *more)
     change = None
     if "change" in data:
         name, before, after, time = data["change"]

@@ -97,7 +97,7 @@ class Search:
                 yield f"stem of the {origin}", line.depth + 1, self._task(start=b["orbit"]), None
             elif b["first"] and b["kind"] == "flip" and 2 * line.count > self.longest:
                 self.left += 1
-            elif b["first"] and b["kind"] in SWITCHED:
+            elif b["first"] and (b["kind"] in SWITCHED or b.get("cycle") == "attracting"):
                 for sign in (1, -1) if b["kind"] == "branch point" else (1,):
                     amplitudes = [sign * a for a in _AMPLITUDES]
                     root = b if b["kind"] == "branch point" else None

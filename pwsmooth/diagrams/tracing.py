@@ -14,11 +14,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..analysis.continuation.arclength import Walk, value_of
+from ..analysis.continuation.arclength import Walk, in_units, value_of
 from ..analysis.continuation.bifurcations import ON_CIRCLE
 from ..analysis.continuation.branches import Branch, branch_off, follow, followed
 from ..analysis.continuation.equilibria.branch import EquilibriumBifurcation, EquilibriumBranch
 from ..analysis.continuation.equilibria.hopf import cycle_from
+from ..analysis.continuation.equilibria.sliding_cycle import cycle_beside
 from ..analysis.equilibria.equilibrium import Equilibrium
 from ..paths.budget import Budget, within
 from .plain import (
@@ -39,7 +40,7 @@ _STEPS = 1000  # of solve() for each of the points that a branch may have: long 
 _SHRUNK = 0.1  # of its first size: a cycle so small, followed back to its Hopf point, has come to its beginning
 _NEAR = 0.02  # of the range: a branch that begins at a bifurcation begins so near to it
 _SAME = 1e-5  # relative to unit + |x|: an orbit that is back at the branch's start
-CLOSED, MEETS = "it closes.", "meets its mirror image"
+CLOSED, MEETS, SHRINKS = "it closes.", "meets its mirror image", "shrinks onto the equilibrium"
 UNDECIDED = -1  # stability at a bifurcation: that of the way to it counts
 
 
@@ -88,7 +89,10 @@ def begun(setting: Setting, task: Mapping[str, Any]) -> Any:
     low, high = task["range"]
     found = None
     for amplitude in task["amplitudes"]:
-        if isinstance(bifurcation, EquilibriumBifurcation):
+        if isinstance(bifurcation, EquilibriumBifurcation) and bifurcation.cycle:
+            found = cycle_beside(bifurcation, abs(amplitude) * (high - low))
+            found = _on_section(found, setting) if found.success else found
+        elif isinstance(bifurcation, EquilibriumBifurcation):
             found = cycle_from(bifurcation, abs(amplitude) * size)
             found = _on_section(found, setting) if found.success else found
         else:
@@ -132,15 +136,20 @@ def _traced(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
     orbit = begun(setting, task)
     if not orbit.success:
         return {"arrays": {}, "about": {"lost": orbit.message}}
+    if not isinstance(orbit, Equilibrium):
+        orbit = in_units(orbit, setting.sizes)
     lengths, bifurcations = dict(task.get("steps", {})), list[dict[str, Any]]()
-    from_hopf = "frequency" in task.get("off", {})
+    born = None
+    if "frequency" in task.get("off", {}):
+        born = _Entry(made_bifurcation(task["off"], setting).equilibrium, setting, name)
+        born.decided = False
     ends: list[str] = []
     sides: list[list[_Entry]] = []
     for to in (low, high):
         if sides and ends[0] == CLOSED:
             break
         entries, end = _one_way(
-            setting, orbit, name, to, (low, high), lengths, task["most"], bifurcations, from_hopf
+            setting, orbit, name, to, (low, high), lengths, task["most"], bifurcations, born
         )
         sides.append(entries)
         ends.append(end)
@@ -158,7 +167,7 @@ def _traced(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _one_way(
-    setting, orbit, name, to, bounds, lengths, most, bifurcations, from_hopf
+    setting, orbit, name, to, bounds, lengths, most, bifurcations, born
 ) -> tuple[list[_Entry], str]:  # fmt: skip
     """Entries from the start on, and why they end."""
     q, back = value_of(orbit, name), bounds[int(to == bounds[0])]
@@ -172,7 +181,7 @@ def _one_way(
     branch, walk = Branch(name, [orbit]), Walk(orbit, name, abs(to - back))
     entries = [_Entry(orbit, setting, name)]
     told: list[str] = []
-    size = _size(orbit) if from_hopf else 0.0
+    size = _size(orbit) if born is not None else 0.0
 
     budget = Budget(_COUNTED)
 
@@ -184,8 +193,8 @@ def _one_way(
         for new in branch.orbits[len(entries) :]:
             entries.append(_Entry(new, setting, name).shifted(entries[-1]))
             told.extend(_over(entries, name))
-            if from_hopf and _size(new) < _SHRUNK * size:
-                told.append(f"shrinks onto the equilibrium at {name} = {entries[-1].q:.10g}.")
+            if born is not None and _size(new) < _SHRUNK * size:
+                told.append(f"{SHRINKS} at {name} = {entries[-1].q:.10g}.")
         return bool(told)
 
     steps = tuple(lengths[key] for key in ("step", "longest_step", "shortest_step"))
@@ -195,6 +204,8 @@ def _one_way(
     if told and told[0] == CLOSED:
         entries[-1] = entries[0]
         return _entries_of(branch, entries, setting, name, bifurcations), CLOSED
+    if told and told[0].startswith(SHRINKS) and born is not None:
+        entries.append(born)
     placed = _entries_of(branch, entries, setting, name, bifurcations)
     if told and told[0].startswith(MEETS) and placed[-1] is entries[-1]:
         # What is past the mirror image is its own; a fold or branch point there is the symmetric branch's.

@@ -143,6 +143,23 @@ def test_a_rest_that_persists_at_a_boundary_leaves_no_gap():
     assert found.gaps == []
 
 
+def test_the_cycle_that_is_born_at_a_boundary_equilibrium_is_followed():
+    # A focus (0, a) with the growth 1/10 above y = 0, below which the motion goes up at the speed 1: for a > 0 a
+    # cycle slides around it, whose size is in proportion to a.
+    growth = sp.Rational(1, 10)
+    focus = System(
+        {x: sp.Piecewise((growth * x - (u - a), u > 0), (0, True)),
+         u: sp.Piecewise((x + growth * (u - a), u > 0), (1, True))}, parameters={a: -0.5},
+    )  # fmt: skip
+    found = diagram(focus, a, (-0.1, 0.5), box={x: (-3, 3), u: (-3, 3)}, longest_step=0.1)
+    assert found.gaps == [(-0.1, pytest.approx(0, abs=1e-9))] and len(found.branches) == 2
+    cycle = found.branches[1]
+    assert cycle.q.min() == pytest.approx(0, abs=1e-9) and cycle.q.max() == pytest.approx(0.5)
+    far = cycle.q > 0.01
+    ratio = cycle.arrays["points"][far, 0, 0] / cycle.q[far]
+    assert np.ptp(ratio) < 1e-8 * abs(ratio[0])
+
+
 def test_folds_of_equilibria_have_curves(tmp_path):
     cusp = System({x: a + b * x - x**3}, parameters={a: -1.0, b: 1.0})
     found = bifurcation_set(cusp, (a, b), ((-1, 1), (-1, 1.5)), box={x: (-3, 3)}, lines={b: [1.0]})
