@@ -85,11 +85,12 @@ class Point:
 class Walk:
     """Predictor, corrector and bisection in the plane of states and one parameter."""
 
+    until: Budget | None = None  # of the whole walk
+
     def __init__(self, orbit: PeriodicOrbit, name: str, scale: float, unit: np.ndarray | None = None) -> None:
         self.map, self.name, self.scale = orbit.map, name, scale
         self.bounds = (-math.inf, math.inf)  # of the parameter: what it is tried at
         self.usual = 0  # steps of solve() that the last orbit took
-        self.until: Budget | None = None  # of the whole walk
         self.unit, self.first = unit_along(orbit) if unit is None else unit, orbit.x
         self._take(orbit)
 
@@ -108,8 +109,7 @@ class Walk:
         Also where the time is up, but for a `known` orbit.
         """
         value = float(u[-1] * self.scale)
-        late = self.until is not None and self.until.late() and not known
-        if late or not self.bounds[0] <= value <= self.bounds[1]:
+        if self.late() and not known or not self.bounds[0] <= value <= self.bounds[1]:
             return None
         try:
             here = self.map.with_parameters({self.name: value})
@@ -125,6 +125,10 @@ class Walk:
         slope = (image.jacobian - np.eye(len(F))) * self.sizes
         DF = np.column_stack([slope, image.by_parameter[:, 0] * self.scale]) / self.units[:, None]
         return (here, image, F, DF) if np.isfinite(DF).all() else None
+
+    def late(self) -> bool:
+        """Whether the time of the whole walk is up."""
+        return self.until is not None and self.until.late()
 
     def _trial(self) -> Budget:
         """What a guess may take: one that escapes to infinity is given up long before a call's own bound."""

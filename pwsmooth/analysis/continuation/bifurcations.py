@@ -157,6 +157,8 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
         if same_itinerary(here.orbit, there.orbit):
             return bifurcations + _smooth_all(walk, here, there)
         left, right, part = change_enclosed(walk, here, there)
+        if walk.late():
+            return bifurcations
         left, right, width = _cornered(walk, here, there, left, right, part)
         for reach in _APART:
             apart = _apart(walk, here, there, left, right, reach)

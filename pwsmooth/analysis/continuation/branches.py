@@ -271,7 +271,7 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
         if broken := not_repeated(there.orbit):
             return f"at {name} = {walk.value(there):.10g} there is {broken}"
         found = bifurcations_between(walk, here, there)
-        if _late(walk):  # what was found then is not known to be complete
+        if walk.late():  # what was found then is not known to be complete
             return _used_up(walk, here)
         if turned and not any(b.change is not None for b in found):
             return _ended(branch, walk, here, ds)  # it has turned back without a corner
@@ -308,10 +308,6 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
         if there.orbit.segments is None and here.orbit.segments is not None:
             branch.orbits[-1] = here.orbit  # the same one, better known
     return f"stopped after {len(branch.orbits)} orbits (`most`)."
-
-
-def _late(walk: Walk) -> bool:
-    return walk.until is not None and walk.until.late()
 
 
 def _used_up(walk: Walk, here: Point) -> str:

@@ -90,7 +90,13 @@ class Change:
 
 
 def letters(orbit: PeriodicOrbit) -> list[Letter]:
-    """Events of one whole period, in order."""
+    """Events of one whole period, in order; kept, as they take a run."""
+    if "_letters" not in orbit.__dict__:
+        orbit.__dict__["_letters"] = _letters_of(orbit)
+    return orbit.__dict__["_letters"]
+
+
+def _letters_of(orbit: PeriodicOrbit) -> list[Letter]:
     # With the map's own tolerances: near a change of itinerary looser ones see another word.
     events: list[Letter] = []
     begin = 0.0  # of a run, as a part of the period
