@@ -42,6 +42,7 @@ _BY_FLOOR: dict[type, Callable[..., sp.Expr]] = {
     sp.frac: lambda floor, u: u - floor(u),
     sp.Mod: lambda floor, u, period: u - period * floor(u / period),
 }
+_ROUNDING = 2e-15  # of what a sum's terms add up to in size
 _UNSUPPORTED = (sp.DiracDelta, sp.re, sp.im, sp.conjugate, sp.arg)
 
 
@@ -68,7 +69,7 @@ class Lifting:
         self._by_fingerprint: dict[tuple, list[sp.Symbol]] = {}
         self._symbols: dict[sp.Symbol, sp.Expr] = dict(stand_ins or {})  # a user's symbol -> what stands for it
         self._memo: dict[tuple, sp.Basic] = {}
-        self._may_register = True
+        self._may_register, self._at_instant = True, False
         self.at_zero: dict[
             sp.Symbol, int
         ] = {}  # multiplier -> its value where its surface stays at 0, as conditions say
@@ -77,13 +78,14 @@ class Lifting:
         for switch in user_switches:
             self._given |= self._symbol(switch).free_symbols
 
-    def __call__(self, expr, *, new_switches=True):
+    def __call__(self, expr, *, new_switches=True, at_instant=False):
         """The lifted form of an expression or condition.
 
-        With `new_switches` false (outputs, updates, guards: what is evaluated at instants, not followed), only
-        surfaces that the field has already are lifted; anything else becomes a Piecewise.
+        With `new_switches` false (outputs, updates, guards: what is evaluated, not followed), only surfaces that the
+        field has already are lifted; anything else becomes a Piecewise. With `at_instant` (updates, guards) what is 0
+        within rounding is 0: signs and conditions there are those of 0, whatever multiplier holds the motion.
         """
-        self._may_register = new_switches
+        self._may_register, self._at_instant = new_switches, at_instant
         # For sympy a Symbol is a Boolean too.
         is_condition = isinstance(expr, sp.logic.boolalg.Boolean) and not expr.is_Symbol
         lift = self._condition if is_condition else self._lift
@@ -96,7 +98,7 @@ class Lifting:
             return self._symbol(e)
         if not e.args:
             return e
-        key = (e, frozenset(sides.items()), self._may_register)
+        key = (e, frozenset(sides.items()), self._may_register, self._at_instant)
         if key not in self._memo:
             self._memo[key] = self._node(e, sides)
         return self._memo[key]
@@ -126,10 +128,9 @@ class Lifting:
             return self._lift(_QUOTIENTS[e.func](*args), sides)
         if isinstance(e, sp.atan2):
             return self._angle(args[0], args[1], sides)
-        if e.func in _BY_FLOOR and any(self._moves(a) for a in args):
-            return _BY_FLOOR[e.func](lambda u: self._floor(u, sides), *args)
-        if isinstance(e, sp.frac):  # of what does not move, for which no code is written
-            return _BY_FLOOR[sp.frac](sp.floor, *args)
+        if e.func in _BY_FLOOR:
+            moves = any(self._moves(a) for a in args)
+            return _BY_FLOOR[e.func](lambda u: self._floor(u, sides) if moves else Whole(u - sp.S.Half), *args)
         if isinstance(e, _UNSUPPORTED) and any(self._moves(a) for a in args):
             raise ValueError(
                 f"{e} stands in the system, but {e.func.__name__} cannot be lifted. Declare symbols "
@@ -254,7 +255,8 @@ class Lifting:
         for surface in factors[1]:
             if isinstance(surface, tuple):
                 orientation, lam = surface
-                result *= orientation * sides.get(lam, lam)
+                side = _side(lam) if self._at_instant else lam
+                result *= orientation * sides.get(lam, side)
             else:
                 result *= sp.Piecewise((1, surface > 0), (-1, surface < 0), (0, True), evaluate=False)
         return factors[0] * result
@@ -329,8 +331,11 @@ class Lifting:
     def _product(self, args):
         # Heaviside(delta)*delta**1.5 selects the product: the other factors may be undefined where it is 0.
         for i, a in enumerate(args):
+            others = args[:i] + args[i + 1 :]
+            if isinstance(a, sp.Piecewise) and any(branch == 0 for branch, _ in a.args):
+                cases = ((b if b == 0 else self._product([b, *others]), c) for b, c in a.args)
+                return sp.Piecewise(*cases, evaluate=False)
             if isinstance(a, Select) and 0 in a.args[1:]:
-                others = args[:i] + args[i + 1 :]
                 result = Select(a.args[0], *(b if b == 0 else self._product([b, *others]) for b in a.args[1:]))
                 return self._as_kink(result) if a in self._kinks else result
         for a in args:
@@ -380,9 +385,9 @@ class Lifting:
         """floor u, from the parity of the integer below: a rounding of u beside an integer changes nothing."""
         wave = sp.sin(sp.pi * u)
         if not self._may_register and self._find(wave) is None:
-            return sp.floor(u)
+            return sp.floor(u + (self._rounding(u + 1) if self._at_instant else 0))
         even, odd = (2 * Whole((u - parity - sp.S.Half) / 2) + parity for parity in (0, 1))
-        return self._choose(wave, _const(even), _const(odd), sides)
+        return self._choose(wave, _const(even), _const(odd), sides, at_zero=_const(Whole(u)))
 
     def _inside_kinks(self, func, args):
         """A root or logarithm of Max(0, d) is taken of the active branch: its series at 0 does not exist."""
@@ -433,7 +438,7 @@ class Lifting:
             return self._decide(condition.negated, no, yes, sides)
         left, right = (self._lift(a, sides) for a in condition.args)
         difference = left - right
-        if not self._moves(difference) and not difference.is_number:
+        if not self._moves(difference) and not difference.is_number and not self._at_instant:
             lifted = condition.func(left, right)
             return sp.Piecewise((yes(sides), lifted), (no(sides), True), evaluate=False)
         if isinstance(condition, (sp.Gt, sp.Ge)):
@@ -447,9 +452,17 @@ class Lifting:
         return self._choose(difference, unequal, unequal, sides, at_zero=equal)
 
     def _condition(self, condition, sides):
-        """A condition that stays one: its sides lifted."""
+        """A condition that stays one: its sides lifted, what is 0 within rounding as 0."""
         if isinstance(condition, Relational):
-            return condition.func(*(self._lift(a, sides) for a in condition.args))
+            left, right = (self._lift(a, sides) for a in condition.args)
+            h, cases = left - right, (_const(sp.S.One), _const(sp.S.Zero))
+            alone = all(f.is_Symbol or f.is_number for f in sp.Mul.make_args(h))  # a state at rest is 0 exactly
+            if self._moves(h) and not alone and self._factors(h) is not None:
+                return sp.Gt(self._decide(condition, *cases, sides), sp.S.Half, evaluate=False)
+            within = self._rounding(h)
+            return (
+                condition.func(left, right) if within == 0 or h.is_number else _holds(condition.func, h, within)
+            )
         if condition in (sp.true, sp.false) or not condition.args:
             return condition
         return condition.func(*(self._condition(c, sides) for c in condition.args))
@@ -459,11 +472,10 @@ class Lifting:
     def _choose(self, h, above, below, sides, at_zero=None):
         """above(sides) where h > 0, below(sides) where h < 0; `at_zero` for what is 0 and stays there."""
         meant = None if at_zero is None else (at_zero is above) - (at_zero is below)
-        at_zero = at_zero or below
         if h.is_number:
-            return (above if h > 0 else below if h < 0 else at_zero)(sides)
+            return (above if h > 0 else below if h < 0 else at_zero or below)(sides)
         inner = sorted((s for s in h.free_symbols if s in self.switches), key=lambda s: s.name)
-        if inner and not h.free_symbols & self.dynamic:
+        if inner and not h.free_symbols & self.dynamic and not self._at_instant:
             # sign(x) > 0 and the like: one of finitely many values.
             lam = inner[0]
             above_, below_ = (
@@ -471,14 +483,33 @@ class Lifting:
                 for side in ((sides[lam],) * 2 if lam in sides else (1, -1))
             )
             return Select(lam, above_, below_)
-        factors = self._factors(h)
+        factors = self._factors(h) if self._moves(h) or not self._at_instant else None
         if factors is None:
-            if above is below:  # Eq, Ne at an instant
-                return sp.Piecewise((at_zero(sides), sp.Eq(h, 0)), (above(sides), True), evaluate=False)
-            return sp.Piecewise((above(sides), h > 0), (below(sides), True), evaluate=False)
+            return self._pointwise(h, above, below, at_zero or below, sides)
         sign, surfaces = factors
         self._note_at_zero(sign, surfaces, meant)
-        return self._by_factors(sign, surfaces, above, below, sides)
+        return self._by_factors(sign, surfaces, above, below, at_zero, sides)
+
+    def _pointwise(self, h, above, below, at_zero, sides):
+        """`_choose` by the value of h alone."""
+        within = self._rounding(h) if self._at_instant else sp.S.Zero
+        if above is below:
+            cases = [(above, _holds(sp.Ne, h, within)), (at_zero, True)]
+        elif at_zero is above or at_zero is below:
+            cases = [(above, _holds(sp.Ge if at_zero is above else sp.Gt, h, within)), (below, True)]
+        else:
+            cases = [(above, _holds(sp.Gt, h, within)), (below, _holds(sp.Lt, h, within)), (at_zero, True)]
+        return sp.Piecewise(*((branch(sides), condition) for branch, condition in cases), evaluate=False)
+
+    def _rounding(self, h):
+        """What h may be off by where its parts are right to rounding: t - t0 - 0.003, t/T - 3, sin(pi t)."""
+        if not self._moves(h):
+            return sp.S.Zero  # memories and parameters are what they were set to
+        terms = sp.Add.make_args(h)
+        sizes = [sp.Abs(term) for term in terms] if len(terms) > 1 or h.atoms(sp.floor) else []
+        for term in terms:
+            sizes += [sp.Abs(term.coeff(wave) * wave.args[0]) for wave in term.atoms(sp.sin, sp.cos)]
+        return _ROUNDING * sp.Add(*sizes)
 
     def _note_at_zero(self, sign, surfaces, meant):
         """Notes which side is meant (1 above, -1 below, 0 neither) where the surface of one switch is 0 and stays."""
@@ -487,21 +518,26 @@ class Lifting:
             side = sign * orientation * meant
             self.at_zero[lam] = side if self.at_zero.get(lam, side) == side else BOTH
 
-    def _by_factors(self, sign, surfaces, above, below, sides):
+    def _by_factors(self, sign, surfaces, above, below, at_zero, sides):
         if not surfaces:
             return (above if sign > 0 else below)(sides)
         first, *rest = surfaces
         if not isinstance(first, tuple):
-            branches = [self._by_factors(s * sign, rest, above, below, sides) for s in (1, -1)]
+            branches = [self._by_factors(s * sign, rest, above, below, at_zero, sides) for s in (1, -1)]
             return sp.Piecewise((branches[0], first > 0), (branches[1], True), evaluate=False)
         orientation, lam = first
         if lam in sides:
-            return self._by_factors(sign * orientation * sides[lam], rest, above, below, sides)
-        return Select(
-            lam,
-            self._by_factors(sign * orientation, rest, above, below, sides | {lam: 1}),
-            self._by_factors(-sign * orientation, rest, above, below, sides | {lam: -1}),
+            return self._by_factors(sign * orientation * sides[lam], rest, above, below, at_zero, sides)
+        up, down = (
+            self._by_factors(side * sign * orientation, rest, above, below, at_zero, sides | {lam: side})
+            for side in (1, -1)
         )
+        if not self._at_instant or at_zero is None:
+            return Select(lam, up, down)
+        on = at_zero(sides)
+        if on in (up, down):
+            return sp.Piecewise((up, lam >= 1 if on == down else lam > -1), (down, True), evaluate=False)
+        return sp.Piecewise((up, lam >= 1), (down, lam <= -1), (on, True), evaluate=False)
 
     def _refuse_components(self, h):
         lams = {lam for disc in self.discs.values() for lam in disc.components}
@@ -613,6 +649,19 @@ def _branch(e, lam, side):
     if isinstance(e, Select) and e.args[0] == lam:
         return e.args[1] if side > 0 else e.args[2]
     return sp.Integer(side) if e == lam else e
+
+
+def _side(lam):
+    """The sign of a switch's surface at an instant: 0 on it, whatever multiplier holds the motion there."""
+    return sp.Piecewise((1, lam >= 1), (-1, lam <= -1), (0, True), evaluate=False)
+
+
+def _holds(relation, h, within):
+    """The condition h > 0, h >= 0, ... where h may be off by `within`."""
+    if relation in (sp.Eq, sp.Ne):
+        near = sp.And(h <= within, h >= -within)
+        return near if relation is sp.Eq else sp.Not(near)
+    return relation(h, within if relation in (sp.Gt, sp.Le) else -within)
 
 
 def _order(a, b):

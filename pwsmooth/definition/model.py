@@ -100,12 +100,11 @@ def _with_powers(e, surface, change):
     """`e` with `change` applied to powers of a surface that are no polynomials, on a side of a switch to those of what
     the surface is there.
     """
+    powers = [p for p in e.atoms(sp.Pow) if not p.exp.is_integer]
+    if not powers:
+        return e
     zero = core(surface)[1]
-    changes = {
-        p: change(p)
-        for p in e.atoms(sp.Pow)
-        if not p.exp.is_integer and any(core(f)[1] == zero for f in sp.Mul.make_args(p.base))
-    }
+    changes = {p: change(p) for p in powers if any(core(f)[1] == zero for f in sp.Mul.make_args(p.base))}
     inner = {s.args[0] for s in surface.atoms(Select)}
     for s in e.atoms(Select) if inner else ():
         if (lam := s.args[0]) in inner:

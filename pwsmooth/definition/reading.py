@@ -19,7 +19,7 @@ from .mobilities import with_mobilities
 from .model import Beside, EventSpec, of_event
 from .primitives import Algebraic, Disc, Event, Memory, Reaction, Switch, Unilateral, symbols_of
 
-_INSTANT = {"new_switches": False}  # what is evaluated at instants makes no switches of its own
+_EVALUATED = {"new_switches": False}  # what is evaluated, not followed, makes no switches of its own
 
 
 @dataclass(frozen=True)
@@ -129,10 +129,10 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled,
         at_zero=lift.at_zero,
         discs=tuple(lift.discs.values()),
         contacts=tuple(
-            (plain(R), gap, lift(R.restitution, **_INSTANT)) for R, gap in zip(reactions, gaps, strict=True)
+            (plain(R), gap, lift(R.restitution, **_EVALUATED)) for R, gap in zip(reactions, gaps, strict=True)
         ),
         events=specs,
-        outputs=tuple((name, lift(e, **_INSTANT)) for name, e in outputs.items()),
+        outputs=tuple((name, lift(e, **_EVALUATED)) for name, e in outputs.items()),
         initial_memory=tuple(m.initial for m in memories),
         typical=tuple(values.values()),
         members=families.members,
@@ -255,7 +255,7 @@ def _events(events, lift, order, moving, beside):
     for k, (event, surface) in enumerate(zip(events, surfaces, strict=True)):
         name = event.name or f"event {k + 1}"
         update = tuple(
-            (_written(key, order, f"`update` of event {name!r}", beside), lift(e, **_INSTANT))
+            (_written(key, order, f"`update` of event {name!r}", beside), lift(e, **_EVALUATED, at_instant=True))
             for key, e in event.update
         )  # fmt: skip
         for e in (event.every, *event.at):
@@ -265,7 +265,7 @@ def _events(events, lift, order, moving, beside):
                     f"the instants of event {name!r} depend on {checks.listing(inside)}; `every` and `at` take "
                     "numbers and parameters. Use a surface for what the state decides."
                 )
-        when = lift(event.when, **_INSTANT)
+        when = lift(event.when, **_EVALUATED, at_instant=True)
         own = event.every, event.at, event.direction, when, update, event.terminal
         specs.append(EventSpec(name, surface, *own, together=event.together))
     names = [s.name for s in specs]

@@ -268,11 +268,12 @@ class _Search:
             sp.Expr, set
         ] = {}  # where each stands: conditions under which its branch is evaluated
         self.seen: set = set()
+        self.inside: dict[sp.Basic, bool] = {}  # whether there are arguments in an expression
         self.highest = 1  # power whose branch point matters: dh/dt has one less than h
 
     def walk(self, e, signs, path=()):
         key = (e, frozenset(signs.items()), path, self.highest)
-        if not e.args or key in self.seen or e.free_symbols.isdisjoint(self.moving):
+        if not self.has_arguments(e) or key in self.seen or e.free_symbols.isdisjoint(self.moving):
             return
         self.seen.add(key)
         for argument in arguments(e):
@@ -289,6 +290,11 @@ class _Search:
             return
         for a in e.args:
             self.walk(a, signs, path)
+
+    def has_arguments(self, e):
+        if e not in self.inside:
+            self.inside[e] = bool(arguments(e)) or any(map(self.has_arguments, e.args))
+        return self.inside[e]
 
     def note(self, argument, factor, signs, path):
         while factor.is_Pow and factor.exp.is_positive:

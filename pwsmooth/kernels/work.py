@@ -275,6 +275,7 @@ class Firing(Bundle):
     before: "f8[n]"  # state before and after their updates
     after: "f8[n]"
     arrived: "f8[n]"  # state with which the instant begins
+    read: "f8[m]"  # the multipliers that they read
     switch_level: "f8[m]"  # the switches' surfaces before the first update; nan for none
     added: "i8[n]"  # states that they add to, and that they set
     was_set: "i8[n]"

@@ -283,3 +283,17 @@ def test_equal_models_share_one_compilation():
         return Model(t, (x,), (a,), (-a * x,))
 
     assert compile_model(model()) is compile_model(model())
+
+
+def test_selections_whose_groups_need_each_other_are_written_one_by_one():
+    # Two by one multiplier, two by another; the second of each stands on the first of the other.
+    other = sp.Symbol("other", real=True)
+    switches = (Multiplier(lam, "switch", -lam, x), Multiplier(other, "switch", -other, y))
+    graph = Graph(Model(t, (x, y), (a,), (x, y), switches))
+    one, two = Select(lam, x, y), Select(other, y + 1, x)
+    roots = [graph.expression(e) for e in (two, Select(lam, two**2, 3 * x), one, Select(other, one**2, 5 * y))]
+    ScalarCode(graph, Writer()).emit(roots)
+    for mult in ([1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]):
+        first, second = (2.0 if mult[0] > 0 else 7.0), (8.0 if mult[1] > 0 else 2.0)
+        expected = [second**2 if mult[0] > 0 else 6.0, first**2 if mult[1] > 0 else 35.0]
+        assert evaluate(graph, roots[1::2], {"x": [2.0, 7.0], "mult": mult}) == expected

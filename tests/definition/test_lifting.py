@@ -367,3 +367,12 @@ def test_what_is_continuous_wherever_it_is_met_stays_a_kink():
     tent = sp.Piecewise((0, y > 1), (0, y < -1), (1 - sp.Abs(y), True))
     found = System({y: 1 + tent * sp.Heaviside(z - 7), z: 1}).model.multipliers
     assert [m.regularity for m in found if m.surface.has(y)] == 3 * ["kink"]
+
+
+def test_limiters_in_a_row_are_read_in_time():
+    # Each stands in the surfaces of all that follow: what is known of the sides of others is not worked out in vain.
+    states, signal, rates = sp.symbols("y1:7", real=True), sp.sin(t), {}
+    for state in states:
+        signal = rates[state] = sp.Max(-1, sp.Min(1, 3 * (signal - state)))
+    system = System(rates, time=t)
+    assert len(system.switches) == 12 and {m.regularity for m in system.model.multipliers} == {"kink"}

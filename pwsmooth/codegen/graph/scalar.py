@@ -64,6 +64,7 @@ class ScalarCode:
         self.scopes: list[set[int]] = [set()]
         self.helpers: set[str] = set()
         self._closure: dict[int, int] = {}
+        self._open: set[int] = set()  # selections whose arguments are being written
 
     def name(self, node: int) -> str:
         """Text that stands for an emitted node: its local name, or the number itself."""
@@ -124,19 +125,23 @@ class ScalarCode:
         """Write one `if` for all selections of one multiplier (or condition) that do not need each other."""
         key, group = self._key(first), [first]
         below = self.closure(first)
-        for node in sorted(needed):
+        # Two groups may need each other where no two nodes do: what is asked for again is written alone.
+        for node in sorted(needed - self._open) if first not in self._open else ():
             if node == first or self.graph.nodes[node].op != key[0] or self._key(node) != key:
                 continue
             free = not below >> node & 1 and not any(self.closure(node) >> g & 1 for g in group)
             if free and not self.available(node):
                 group.append(node)
                 below |= self.closure(node)
+        opened = set(group) - self._open
+        self._open |= opened
         for node in group:
             # What the scope needs anyway is computed before the branch, not inside it.
             inside = self.closure(node) & ~(1 << node)
             for a in sorted(needed):
                 if inside >> a & 1:
                     self._ensure(a, needed)
+        self._open -= opened
         group = [node for node in group if not self.available(node)]
         if not group:
             return

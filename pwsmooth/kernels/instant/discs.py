@@ -15,6 +15,7 @@ from ..state import (
     AMB_NEAR_MISS,
     AMB_REPELLING,
     COMPONENT,
+    CROSSING,
     DISC,
     EV_CROSSING,
     EV_RESET,
@@ -29,11 +30,25 @@ from ..state import (
 )
 from ..step.recording import record_ambiguity, record_event
 from ..surface.layer import ARRIVE
-from ..surface.sliding import INSIDE, keep_at_rest, mask_solved, put_in_slip, surface_tolerance
+from ..surface.sliding import (
+    INSIDE,
+    keep_at_rest,
+    mask_solved,
+    put_in_slip,
+    surface_rounding,
+    surface_tolerance,
+)
 from ..surface.sparse import link
 from ..surface.vector import begins, own_slopes, push_of_disc, pushes_back, slopes_of_disc, turn
 from .settling import layer_code, settle_arrivals, settle_at_rest
-from .surface_rates import FAINT, look_ahead, look_back
+from .surface_rates import (
+    FAINT,
+    evaluate_surfaces,
+    look_ahead,
+    look_back,
+    order_of_leaving,
+    stays_at_zero,
+)
 from .together import depend, settle_dependent, stand_still
 
 ALONE, AT_REST, ARRIVING = range(3)  # how discs are settled: without switches, or with those at their surfaces
@@ -394,6 +409,16 @@ def _arrive_together(P, C, S, W):
 
 
 @kernel
+def _settle_beside(P, C, S, R, W):
+    """Switches that come to rest on their surfaces with a disc that sticks are what conditions say of 0."""
+    evaluate_surfaces(P, S, W)
+    for k in range(P.m):
+        if P.kind[k] == CROSSING and abs(S.status[k]) == 1 and abs(W.h[k]) <= surface_rounding(P, S, k, W):
+            if order_of_leaving(P, C, S, W, k) == 0 and stays_at_zero(P, S, R, k):
+                W.instant.hit[k] = False
+
+
+@kernel
 def settle_discs(P, C, S, R, W, jumped):
     """Every disc that has come to h = 0 or whose force has left the friction circle; a code, and whether one has."""
     some, joins = False, False
@@ -436,6 +461,7 @@ def settle_discs(P, C, S, R, W, jumped):
             came, went = W.instant.came[j], S.status[j]
             if went != 1 and came == 1:
                 record_event(S, R, j, EV_STICK, 1, 0)
+                _settle_beside(P, C, S, R, W)
             elif went == 1 and came != 1:
                 record_event(S, R, j, EV_RESET, 0, 1)
             elif went == 1 and W.instant.hit[j]:

@@ -49,10 +49,19 @@ def _look(loop, t, x):
             k = P.dh_col[e]
             rounding += 1e-13 * abs(W.dh[e]) * (abs(W.firing.before[k]) + abs(x[k]))
         W.firing.rounding[i] = rounding
+    _note_what_updates_read(P, S, W)
 
 
 @kernel
-def _solve_unknowns(P, S, W):
+def _note_what_updates_read(P, S, W):
+    """Overwrites firing.read: the multipliers, but 0 for a switch that is on its surface and does not hold it there."""
+    for j in range(P.m):
+        on = P.kind[j] < DISC and abs(S.status[j]) == 1 and abs(W.h[j]) <= surface_rounding(P, S, j, W)
+        W.firing.read[j] = 0.0 if on else S.mult[j]
+
+
+@kernel
+def renew_unknowns(P, S, W):
     """Solves for what is solved for at every instant, where there are unknowns."""
     if any_kind(P, ALGEBRAIC) and mask_instant(P, S, W):
         follow(P, S, W)
@@ -70,9 +79,10 @@ def _renew_multipliers(P, S, W):
         for j in range(P.m):
             held = S.status[j] == SOLVED
             W.mask[j] = 1 if held else 0
-            if P.kind[j] < DISC and W.h[j] != W.firing.switch_level[j]:
-                side = 1.0 if W.h[j] > 0.0 else -1.0
-                if abs(W.h[j]) > surface_rounding(P, S, j, W):
+            if P.kind[j] < DISC:
+                moved = W.h[j] != W.firing.switch_level[j]
+                side = float(S.status[j]) if not moved else 1.0 if W.h[j] > 0.0 else -1.0
+                if abs(W.h[j]) > surface_rounding(P, S, j, W) if moved else abs(S.status[j]) == 1:
                     W.mask[j] = 0
                     changed = changed or S.mult[j] != side
                     S.mult[j] = side
@@ -139,7 +149,7 @@ def strike_switches(P, C, S, R, W):
         S.deflate[j] = 0
         W.instant.hit[j] = False
     if some:
-        _solve_unknowns(P, S, W)
+        renew_unknowns(P, S, W)
         leave_what_jumps(P, S, W)
         sides_after_crossing(P, S, R, W)
     return some
@@ -190,7 +200,7 @@ def carried_along(P, S, W):
 @kernel
 def _act(loop, i, t):
     P, S, R, W = loop
-    acts = call_act(P.act, i, t, W.firing.before, S.mult, P.p, W.firing.after) != 0
+    acts = call_act(P.act, i, t, W.firing.before, W.firing.read, P.p, W.firing.after) != 0
     if acts and R.tape.shape[0] > 0:
         put_on_tape(P, S, R, TAPE_ACT, 0, i, 0, 0.0)
     return acts
@@ -231,8 +241,8 @@ def _bring_together(loop, together):
         last = i
         for k in range(P.n):
             E.trial[k], E.shifted[k] = 0.0, 1.0 + abs(E.before[k])
-        call_act(P.act, i, S.t, E.before, S.mult, P.p, E.trial)
-        call_act(P.act, i, S.t, E.before, S.mult, P.p, E.shifted)
+        call_act(P.act, i, S.t, E.before, E.read, P.p, E.trial)
+        call_act(P.act, i, S.t, E.before, E.read, P.p, E.shifted)
         for k in range(P.n):
             if E.trial[k] == E.shifted[k]:
                 conflict = conflict or (E.was_set[k] != 0 and E.value[k] != E.trial[k])
@@ -300,6 +310,7 @@ def fire_due(P, S, R, W):
     note_surfaces(P, S, W)
     for i in range(P.ne):
         firing.left[i] = 0
+    _note_what_updates_read(P, S, W)
     for j in range(m):
         firing.switch_level[j] = W.h[j]
     for i in range(P.ne):
@@ -324,7 +335,7 @@ def fire_due(P, S, R, W):
 def sides_after_crossing(P, S, R, W):
     """A surface in which another multiplier stands has jumped with it: its switch takes the side it finds itself on."""
     for _ in range(P.m):
-        _solve_unknowns(P, S, W)
+        renew_unknowns(P, S, W)
         evaluate_surfaces(P, S, W)
         changed = False
         for j in range(P.m):
@@ -345,32 +356,47 @@ def sides_after_crossing(P, S, R, W):
 
 @kernel
 def sides_after_jump(P, S, R, W):
-    """After x has jumped: switches off their surfaces take their sides; those on them stay or become hit."""
+    """After x has jumped: switches off their surfaces take their sides; those on them stay or become hit.
+
+    Again for surfaces in which one stands that has taken another side: they have jumped as well.
+    """
+    for turn in range(P.m + 1):
+        renew_unknowns(P, S, W)
+        evaluate_surfaces(P, S, W)
+        changed = False
+        for j in range(P.m):
+            if P.kind[j] < CONTACT and (turn == 0 or P.nested[j] != 0):
+                changed = _side_after_jump(P, S, R, W, j) or changed
+        if not changed:
+            return
+
+
+@kernel
+def _side_after_jump(P, S, R, W, j):
+    """Switch j is off its surface, or met; returns whether it has taken another side."""
     instant = W.instant
-    evaluate_surfaces(P, S, W)
-    for j in range(P.m):
-        if P.kind[j] >= CONTACT:
-            continue
-        if instant.hit[j] and W.h[j] == W.firing.switch_level[j]:
-            continue  # the jump has not moved it: it is met, within the tolerance of the series that say so
-        on = is_at_rest(P, S, j, W) if P.kind[j] == DISC else abs(W.h[j]) <= surface_rounding(P, S, j, W)
-        if on:
-            if S.status[j] == HELD and P.kind[j] != SECOND_ORDER:
-                continue
-            if abs(S.status[j]) == 1:
-                S.mult[j] = float(S.status[j])  # whatever an earlier round has made of it
-            if not instant.hit[j]:
-                S.last[j, 2] = 0.0  # what puts it there comes back to its surface, not the motion
-            instant.hit[j] = True  # still, or now, on its surface
-            continue
-        instant.hit[j] = False
-        S.deflate[j] = 0
-        side = 1 if W.h[j] > 0.0 else -1
-        if S.status[j] != side:
-            S.last[j, 2] = 0.0
-            record_event(S, R, j, EV_RESET, S.status[j], side)
-            S.status[j] = side
-            S.mult[j] = float(side)
+    if instant.hit[j] and W.h[j] == W.firing.switch_level[j]:
+        return False  # the jump has not moved it: it is met, within the tolerance of the series that say so
+    on = is_at_rest(P, S, j, W) if P.kind[j] == DISC else abs(W.h[j]) <= surface_rounding(P, S, j, W)
+    if on:
+        if S.status[j] == HELD and P.kind[j] != SECOND_ORDER:
+            return False
+        if abs(S.status[j]) == 1:
+            S.mult[j] = float(S.status[j])  # whatever an earlier round has made of it
+        if not instant.hit[j]:
+            S.last[j, 2] = 0.0  # what puts it there comes back to its surface, not the motion
+        instant.hit[j] = True  # still, or now, on its surface
+        return False
+    instant.hit[j] = False
+    S.deflate[j] = 0
+    side = 1 if W.h[j] > 0.0 else -1
+    S.mult[j] = float(side)
+    if S.status[j] == side:
+        return False
+    S.last[j, 2] = 0.0
+    record_event(S, R, j, EV_RESET, S.status[j], side)
+    S.status[j] = side
+    return True
 
 
 @kernel

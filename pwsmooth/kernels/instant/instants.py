@@ -181,8 +181,11 @@ def _arrivals(P, C, S, R, W, size, jumped):
         code = settle_at_rest(P, C, S, R, W, size)
     else:
         for a in range(size):
-            instant.group[0] = instant.active[a]
-            instant.arrival[0] = S.status[instant.active[a]]
+            j = instant.active[a]
+            if S.status[j] * approach_speed(P, S, j, W) > instant.rest_speed:
+                continue  # what happens at this instant turns it back
+            instant.group[0] = j
+            instant.arrival[0] = S.status[j]
             one = settle_arrivals(P, S, R, W, 1)
             code = code if one == GO_ON else one
     if code == GO_ON and P.discs != 0:
@@ -462,9 +465,11 @@ def _note_what_is_met(P, C, S, W):
     for i in range(m + ne):
         later = (W.meeting.tau[i] - instant.met) * W.step.length
         instant.hit[i] = W.meeting.tau[i] <= 1.0 and later <= within
-        left = S.deflate[i] != 0 and not instant.hit[i] and not rested_on(P, S, W, i)
-        if left and (elapsed > 1e-12 * time_size(S) or _left_behind(P, S, W, i)):
-            S.deflate[i] = 0
+        if S.deflate[i] != 0 and not instant.hit[i]:
+            if rested_on(P, S, W, i):
+                S.deflate[i] = 1  # however many orders vanished where it began to rest
+            elif elapsed > 1e-12 * time_size(S) or _left_behind(P, S, W, i):
+                S.deflate[i] = 0
         if i < m and begins(P, S, i):
             S.mult[i] = INSIDE  # at h = 0 still: its direction is not yet h/|h|
     if instant.at_clock:

@@ -11,8 +11,10 @@ from ..state import (
     AMB_SEVERAL_ROOTS,
     COMPONENT,
     CONTACT,
+    CROSSING,
     DISC,
     GO_ON,
+    KINK,
     SECOND_ORDER,
     SLIDING,
     SOLVED,
@@ -23,6 +25,7 @@ from ..surface.sliding import INSIDE, is_at_rest, mask_instant, surface_rounding
 from ..surface.unknowns import has_other_root, solve_unknowns
 from .contacts import UNCHANGED, close_at_start, is_behind, outcome_of
 from .discs import settle_discs
+from .firing import renew_unknowns
 from .resting import stay_at_rest
 from .settling import settle_at_rest
 from .surface_rates import (
@@ -38,9 +41,11 @@ from .surface_rates import (
 @kernel
 def _look_at_nested(P, C, S, W):
     """After a switch on its surface has taken its side: where the surfaces in which others stand are now."""
+    renew_unknowns(P, S, W)
     evaluate_surfaces(P, S, W)
     for i in range(P.m + P.ne):
-        if P.nested[i] == 0 or P.rows_slip[i] < 0:
+        with_unknowns = i < P.m and P.kind[i] < DISC
+        if P.nested[i] == 0 or (P.rows_slip[i] < 0 and not with_unknowns):
             continue
         W.instant.hit[i] = abs(W.h[i]) <= surface_rounding(P, S, i, W)
         side = 1 if W.h[i] >= 0.0 else -1
@@ -52,13 +57,25 @@ def _look_at_nested(P, C, S, W):
 
 
 @kernel
-def _look_at_events(P, S, W):
-    """After the multipliers of what slides from the start are known: the sides of events in which they stand."""
-    evaluate_surfaces(P, S, W)
-    for i in range(P.m, P.m + P.ne):
-        if P.nested[i] != 0 and P.rows_slip[i] >= 0:
-            W.instant.hit[i] = abs(W.h[i]) <= surface_rounding(P, S, i, W)
-            S.side[i - P.m] = 1 if W.h[i] >= 0.0 else -1
+def _take_side(P, C, S, R, W, j, may_stay):
+    """Switch j, on its surface, takes the side to which the motion goes, or is what conditions say of 0 if it stays;
+    returns whether that is new."""
+    side = S.status[j]
+    if any_is(P, S, SOLVED):
+        order = order_of_leaving(P, C, S, W, j)
+        stays = order == 0
+    else:
+        order = leading_order(P, C, S, W, j)
+        stays = abs(order) == 4
+    if stays and (not may_stay or stays_at_zero(P, S, R, j)):
+        return S.status[j] != side
+    if order != 0:
+        S.status[j] = 1 if order > 0 else -1
+        S.mult[j] = float(S.status[j])
+        S.deflate[j] = abs(order)
+    if S.status[j] != side:
+        _look_at_nested(P, C, S, W)
+    return S.status[j] != side
 
 
 @kernel
@@ -126,20 +143,23 @@ def start(P, C, S, R, W):
         ):
             instant.active[size] = j
             size += 1
-        elif not any_is(P, S, SOLVED):
-            order, side = leading_order(P, C, S, W, j), status[j]
-            if abs(order) < 4 or not stays_at_zero(P, S, R, j):
-                status[j] = 1 if order > 0 else -1
-                mult[j] = float(status[j])
-                S.deflate[j] = abs(order)
-            if status[j] != side:
-                _look_at_nested(P, C, S, W)
+        elif abs(status[j]) == 1:
+            _take_side(P, C, S, R, W, j, True)
     code = settle_at_rest(P, C, S, R, W, size) if size > 0 else GO_ON
+    if size > 0:
+        _look_at_nested(P, C, S, W)
+    if code == GO_ON and size > 0 and any_is(P, S, SOLVED):
+        # What slides carries the others to one side or the other, which may let it go.
+        changed = False
+        for j in range(m):
+            met = instant.hit[j] and (P.kind[j] == CROSSING or P.kind[j] == KINK) and abs(status[j]) == 1
+            changed = (met and _take_side(P, C, S, R, W, j, False)) or changed
+        if changed:
+            code = settle_at_rest(P, C, S, R, W, size)
     if code == GO_ON and P.discs != 0:
         code, _ = settle_discs(P, C, S, R, W, True)
         S.events = 0
-    if size > 0:
-        _look_at_events(P, S, W)
+        _look_at_nested(P, C, S, W)
     # What the switches have become acts on the contacts that were looked at before them.
     instant.look_again = int(size > 0 and len(P.contact) > 0)
     slipping = not any_is(P, S, SOLVED)

@@ -215,14 +215,18 @@ def order_of_leaving(P, C, S, W, j):
 def stays_at_zero(P, S, R, j):
     """Switch j stands on its surface and stays there: its multiplier becomes what conditions say of 0.
 
-    False where none says anything, and where they say different things, of which an ambiguity tells.
+    False where they say different things, of which an ambiguity tells. The multiplier of a Switch of the user's is 0,
+    as a sign's, and an ambiguity tells that it could be another.
     """
     at = P.at_zero[j]
-    if at == ANY:
+    if at == ANY and P.kind[j] != CROSSING:
         return False
-    if at == BOTH or (at == 0 and P.jet_general == 0):
+    if at == BOTH or ((at == 0 or at == ANY) and P.jet_general == 0):
         record_ambiguity(S, R, j, AMB_AT_ZERO, 0)
         return False
+    if at == ANY:
+        record_ambiguity(S, R, j, AMB_FORCES, 0)
+        at = 0
     S.status[j], S.mult[j] = at if at != 0 else HELD, float(at)
     return True
 

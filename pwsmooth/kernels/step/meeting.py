@@ -175,8 +175,8 @@ def rested_on(P, S, W, i):
 def leave_surfaces(P, S, W):
     """Behind a step: what was met before it is left, but where the motion has rested."""
     for i in range(P.m + P.ne):
-        if S.deflate[i] != 0 and not rested_on(P, S, W, i):
-            S.deflate[i] = 0
+        if S.deflate[i] != 0:
+            S.deflate[i] = 1 if rested_on(P, S, W, i) else 0
 
 
 @inlined_kernel

@@ -12,7 +12,7 @@ import math
 from ..machine.compiling import kernel
 from ..machine.pointers import call_fields, call_linear, call_newton
 from ..state import CONTACT, HELD, SLIDING, SOLVED
-from .sliding import surface_size
+from .sliding import surface_rounding, surface_size
 from .sparse import solve_masked
 
 _SWEEPS, _HALVINGS = 60, 30
@@ -34,6 +34,9 @@ def _defect(P, S, W, turned):
                 continue
             side = 1 if W.h[j] >= 0.0 else -1
             if side != S.status[j]:
+                call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+                if abs(W.h[j]) <= surface_rounding(P, S, j, W):
+                    continue  # it stands on its surface, whatever the unknowns are
                 W.instant.came[j] += turned
                 S.status[j], S.mult[j], changed = side, float(side), True
         if not changed:

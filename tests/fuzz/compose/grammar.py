@@ -363,8 +363,10 @@ class _Draw:
             M.events.append(Event(at=self.dates(int(self.r.integers(1, 4)))))
         for event in M.events:
             event.update = event.update or self.update()
-        if M.events and self.use("when"):
-            event = self.pick(M.events)
+        # A family's event is written once for all elements, and has no condition.
+        alone = M.events[M.family.n :] if M.family and M.family.event else M.events
+        if alone and self.use("when"):
+            event = self.pick(alone)
             event.when = self.condition(depth=1)
             if M.memories and self.r.random() < 0.4:
                 event.when = ("and", (self.pick((">", "<=")), ("m", 0), num(0)), event.when)

@@ -592,7 +592,8 @@ class Run:
         """An expression's value; undecided if it reads an atom that is at its zero."""
         if self.S.atoms_in(expression) & doubt:
             raise UndecidedError("an update reads a switch at its zero")
-        if self.knots and ("d" in str(expression)):
+        inside = [expression, *(self.S.atoms[j].h for j in self.S.atoms_in(expression))]
+        if self.knots and "'d'" in str(inside):
             raise UndecidedError("an update reads a drive at its knot")
         zeros = [0.0] * len(self.S.gaps), [0.0] * 2 * len(self.S.discs)
         return function(t, x, M, *self.given(t), *zeros)[0]
@@ -739,12 +740,12 @@ class Run:
             if e.surface is None or not self.before[k]:
                 continue
             if abs(now[k]) < AT_ZERO:
-                if k not in self.due | self.reached:  # one that rests there is left without firing
-                    y = self.ahead(t, x, P, AHEAD[0])
-                    R, D = self.field(t + AHEAD[0], y, P)[1:]
-                    ahead = self.of(S.surface, t + AHEAD[0], y, P, self.given(t + AHEAD[0]), R, D)[k]
-                    if abs(ahead) > KEPT:
-                        raise UndecidedError("a surface that jumps onto its zero")
+                y = self.ahead(t, x, P, AHEAD[0])  # one that rests there is left without firing
+                R, D = self.field(t + AHEAD[0], y, P)[1:]
+                ahead = self.of(S.surface, t + AHEAD[0], y, P, self.given(t + AHEAD[0]), R, D)[k]
+                if abs(ahead) > KEPT and (k not in self.due | self.reached or ahead * self.before[k] < 0):
+                    raise UndecidedError("a surface that jumps onto its zero")
+                if k not in self.due | self.reached:
                     self.before[k] = 0
                 continue
             side = int(math.copysign(1, now[k]))

@@ -11,7 +11,7 @@ import time
 from ..judging import WRONG
 from .grammar import num
 
-SECONDS = 240  # after which the smallest so far is shown
+SECONDS = 90  # after which the smallest so far is shown
 
 
 def shrunk(model, one, ways):
@@ -52,9 +52,9 @@ def candidates(model, one):
         smaller.family = None  # the elements one by one
         yield smaller, one
     for name in ("events", "kicks"):
-        if model.family and name == "events":
-            continue
         for k in range(len(getattr(model, name))):
+            if name == "events" and k not in dict(events_alone(model)):
+                continue
             smaller = copy.deepcopy(model)
             del getattr(smaller, name)[k]
             yield smaller, one
@@ -62,7 +62,7 @@ def candidates(model, one):
         smaller = copy.deepcopy(model)
         smaller.mass = None
         yield smaller, one
-    for k, event in enumerate(model.events):
+    for k, event in events_alone(model):
         for change in [{"when": None}, {"direction": 0}] + [
             {"update": {x: y for x, y in event.update.items() if x != target}} for target in event.update
         ]:
@@ -95,13 +95,21 @@ def candidates(model, one):
             yield model, moved
 
 
+def events_alone(model):
+    """(number, event) of those that are no element's of a family: a family's event is written once, and stays."""
+    elements = [event.surface for event in model.family.events()] if model.family else []
+    return [(k, event) for k, event in enumerate(model.events) if event.surface not in elements or event.at]
+
+
 def places(model):
-    """Where expressions stand, and they."""
+    """Where expressions stand, and they; a family's rates are written once, and stay."""
+    ring = range(model.family.first, model.family.first + model.family.n) if model.family else ()
     for i, e in enumerate(model.rates):
-        yield ("rates", i), e
+        if i not in ring:
+            yield ("rates", i), e
     for i, (c, e) in enumerate(model.unknowns):
         yield ("unknowns", i, c), e
-    for k, event in enumerate(model.events):
+    for k, event in events_alone(model):
         if event.surface is not None:
             yield ("surface", k), event.surface
         if event.when is not None:
