@@ -198,7 +198,7 @@ def multipliers(field):
             classes[pattern] = classify(field, index, residual)
         regularity, hidden = classes[pattern]
         second = second_derivative(field, index, residual) if regularity == "crossing" else None
-        at_zero = field.at_zero.get(lam) if regularity == "crossing" and second is None else None
+        at_zero = field.at_zero.get(lam) if regularity != "sliding" and second is None else None
         result.append(
             Multiplier(lam, "switch", residual, h, regularity, hidden, second=second, at_zero=at_zero)
         )

@@ -471,7 +471,7 @@ def _multipliers(field, sums, places, beside):
             field = replace(field, rates=tuple(map(moving, field.rates)))
         if regularity == "crossing" and second_derivative(lone, index, sampled(residual)) is not None:
             raise NoTemplate("a switch that can slide to second order")
-        at_zero = field.at_zero.get(lam) if regularity == "crossing" else None
+        at_zero = field.at_zero.get(lam) if regularity != "sliding" else None
         result.append(Multiplier(lam, "switch", residual, h, regularity, hidden, at_zero=at_zero))
     order = (*field.states, *field.memories)
     for R, gap, e in field.contacts:

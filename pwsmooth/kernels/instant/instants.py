@@ -97,6 +97,7 @@ from .surface_rates import (
     evaluate_surfaces,
     leading_order,
     note_rests_along,
+    order_at_rest,
     order_of_leaving,
     rests_along,
     stays_at_zero,
@@ -311,9 +312,9 @@ def _settle_switches(P, C, S, R, W):
             if jumped:
                 if P.step_unit != 0:
                     step_inside(P, S, j, W)
-                order = leading_order(P, C, S, W, j)
-                went = 1 if order > 0 else -1
-                if abs(order) == 4 and _rests_at_zero(P, S, R, j):
+                order, stays = order_at_rest(P, C, S, W, j)
+                went = status[j] if order == 0 else 1 if order > 0 else -1
+                if stays and _rests_at_zero(P, S, R, j):
                     continue
             elif P.nested[j] != 0 and P.at_zero[j] != ANY and _is_flat(P, C, S, W, j):
                 if _rests_at_zero(P, S, R, j):

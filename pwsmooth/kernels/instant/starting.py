@@ -33,6 +33,7 @@ from .surface_rates import (
     approach_speed,
     evaluate_surfaces,
     leading_order,
+    order_at_rest,
     order_of_leaving,
     stays_at_zero,
 )
@@ -61,12 +62,7 @@ def _take_side(P, C, S, R, W, j, may_stay):
     """Switch j, on its surface, takes the side to which the motion goes, or is what conditions say of 0 if it stays;
     returns whether that is new."""
     side = S.status[j]
-    if any_is(P, S, SOLVED):
-        order = order_of_leaving(P, C, S, W, j)
-        stays = order == 0
-    else:
-        order = leading_order(P, C, S, W, j)
-        stays = abs(order) == 4
+    order, stays = order_at_rest(P, C, S, W, j)
     if stays and (not may_stay or stays_at_zero(P, S, R, j)):
         return S.status[j] != side
     if order != 0:

@@ -212,6 +212,16 @@ def order_of_leaving(P, C, S, W, j):
 
 
 @kernel
+def order_at_rest(P, C, S, W, j):
+    """With how many zero orders surface j, on which S stands, is left, negative downwards; and whether it stays 0."""
+    if any_is(P, S, SOLVED):
+        order = order_of_leaving(P, C, S, W, j)
+        return order, order == 0
+    order = leading_order(P, C, S, W, j)
+    return order, abs(order) == 4
+
+
+@kernel
 def stays_at_zero(P, S, R, j):
     """Switch j stands on its surface and stays there: its multiplier becomes what conditions say of 0.
 
