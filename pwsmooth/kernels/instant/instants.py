@@ -40,7 +40,7 @@ from ..state import (
     State,
 )
 from ..step.finer import SWITCHING, follow_arcs, follow_as_asked
-from ..step.meeting import rested_on
+from ..step.meeting import orders_at_rest, rested_on
 from ..step.recording import put_causes_on_tape, record_ambiguity, record_event, record_point
 from ..step.singular import has_branch_point
 from ..surface.layer import LEAVE_FOLD
@@ -126,8 +126,11 @@ def _take_along(P, S, W, size):
 
 
 @kernel
-def _arrivals(P, C, S, R, W, size, jumped):
-    """Settles the switches active[:size] that met their surfaces: one by one where uncoupled, else in one layer."""
+def _arrivals(P, C, S, R, W, size, jumped, turned):
+    """Settles the switches active[:size] that met their surfaces: one by one where uncoupled, else in one layer.
+
+    `turned`: whether something else has happened at this instant that may turn them back.
+    """
     instant = W.instant
     all_met = size
     size = take_sides(P, C, S, R, W, size, not jumped)
@@ -183,8 +186,8 @@ def _arrivals(P, C, S, R, W, size, jumped):
     else:
         for a in range(size):
             j = instant.active[a]
-            if S.status[j] * approach_speed(P, S, j, W) > instant.rest_speed:
-                continue  # what happens at this instant turns it back
+            if turned and S.status[j] * approach_speed(P, S, j, W) > instant.rest_speed:
+                continue
             instant.group[0] = j
             instant.arrival[0] = S.status[j]
             one = settle_arrivals(P, S, R, W, 1)
@@ -354,7 +357,7 @@ def _settle_switches(P, C, S, R, W):
             return code, True
         switched = switched or some
     if size > 0:
-        code = _arrivals(P, C, S, R, W, size, jumped)
+        code = _arrivals(P, C, S, R, W, size, jumped, switched or instant.at_clock != 0)
         if code != GO_ON:
             return code, True
         switched = True
@@ -468,7 +471,7 @@ def _note_what_is_met(P, C, S, W):
         instant.hit[i] = W.meeting.tau[i] <= 1.0 and later <= within
         if S.deflate[i] != 0 and not instant.hit[i]:
             if rested_on(P, S, W, i):
-                S.deflate[i] = 1  # however many orders vanished where it began to rest
+                S.deflate[i] = orders_at_rest(S, i)
             elif elapsed > 1e-12 * time_size(S) or _left_behind(P, S, W, i):
                 S.deflate[i] = 0
         if i < m and begins(P, S, i):

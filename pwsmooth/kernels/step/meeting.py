@@ -171,12 +171,18 @@ def rested_on(P, S, W, i):
     return moved <= SURFACE_ROUNDING
 
 
+@inlined_kernel
+def orders_at_rest(S, i):
+    """The known zero orders of surface i, on which the motion rests on: one, where none was found up to the fourth."""
+    return S.deflate[i] if S.deflate[i] < 4 else 1
+
+
 @kernel
 def leave_surfaces(P, S, W):
     """Behind a step: what was met before it is left, but where the motion has rested."""
     for i in range(P.m + P.ne):
         if S.deflate[i] != 0:
-            S.deflate[i] = 1 if rested_on(P, S, W, i) else 0
+            S.deflate[i] = orders_at_rest(S, i) if rested_on(P, S, W, i) else 0
 
 
 @inlined_kernel
