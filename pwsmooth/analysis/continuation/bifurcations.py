@@ -408,6 +408,16 @@ def _smooth(walk: Walk, here: Point, there: Point) -> tuple[list[Bifurcation], b
 
 def _at_border(walk: Walk, left: Point, right: Point) -> Bifurcation:
     """A border that the orbit crosses without an event of its own, as in a condition that an event reads."""
-    width = max(abs(walk.value(right) - walk.value(left)), 1e-10 * walk.scale)
+    # Both sides lead to it, each along its own tangent; a branch that turns there has no points between them.
+    gap, ways = right.u - left.u, np.column_stack([left.tangent, -right.tangent])
+    reach = np.linalg.lstsq(ways, gap, rcond=None)[0]
+    off = float(np.linalg.norm(ways @ reach - gap) + np.linalg.norm(gap) ** 2)
+    met = float(left.u[-1] + reach[0] * left.tangent[-1]) * walk.scale
+    apart = max(abs(walk.value(right) - walk.value(left)), 1e-10 * walk.scale)
+    at, width = (
+        (met, off * walk.scale + 1e-10 * walk.scale)
+        if off < 1e-2 * apart / walk.scale
+        else (walk.value(left), apart)
+    )
     what = Change(BORDER, (), (), 0.0)
-    return Bifurcation(BORDER, walk.name, walk.value(left), width, left.orbit, what, right.orbit)
+    return Bifurcation(BORDER, walk.name, at, width, left.orbit, what, right.orbit)
