@@ -120,11 +120,13 @@ def test_basins_have_a_legend_that_names_what_has_no_attractor(found):
         "2: period 6.28319",
         "1: period 6.28319",
     ]
-    some = replace(found, labels=np.array([[0, 1], [UNSETTLED, FAILED], [0, 0]]))
+    kinds = np.array([2 * ["orbit of period 1"], ["not settled", "failed"], 2 * ["orbit of period 1"]])
+    some = replace(found, labels=np.array([[0, 1], [UNSETTLED, FAILED], [0, 0]]), kinds=kinds)
     for shown in (some.plot(), some.plot(plotting.new_figure().subplots())):
         names = [label for label in shown.get_legend_handles_labels()[1]]
         assert names == ["2: period 6.28319", "1: period 6.28319", "unsettled", "failed"]
-    assert "16.7% unsettled" in repr(some) and "16.7% failed" in repr(some) and "unsettled" not in repr(found)
+    assert "16.7% not settled" in repr(some) and "16.7% failed" in repr(some)
+    assert "settled" not in repr(found)
     line = replace(found, axes={"x": np.arange(3.0)}, labels=np.array([0, 1, UNSETTLED]))
     assert line.plot().get_xlabel() == "x"
 

@@ -104,7 +104,17 @@ class _Map:
         self, system: Any, span: tuple[float, float], x: Any, dense: bool, times: Any = None
     ) -> Solution:
         """A run behind the door, of the map's system or one made of it."""
-        key = id(system.model), id(self.options), self.scale, dense  # the first two are kept along with the run
+        options: Any = tuple(self.options.items())
+        try:
+            hash(options)
+        except TypeError:
+            options = id(self.options)
+        key = (
+            id(system.model),
+            options,
+            self.scale,
+            dense,
+        )  # the model and the options are kept along with the run
         if key not in self._inner:
             run = behind_the_door(system, dense_output=dense, **self._tight(system))
             self._inner[key] = run, system.model, self.options

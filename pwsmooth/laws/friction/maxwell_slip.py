@@ -30,7 +30,7 @@ def slider(z, limit, slip, v, at):
         rate = at.each(lambda z, v: v - yields * z, z, v)
         return rate, (
             Event((1 - slip) * size - 1, direction=1, update={slip: 1, **at.rates(z, clip(z, limit))},
-                  when=along > 0, name=at.label("slip")),
+                  when=along >= 0, name=at.label("slip")),
             Event(along, update={slip: 0, **at.rates(z, clip(z, inside))}, when=sp.Ne(slip, 0), direction=-1,
                   name=at.label("stick")),
         )  # fmt: skip
@@ -41,7 +41,7 @@ def slider(z, limit, slip, v, at):
     # and again: there it is the other limit's.
     surface = (1 - slip**2) * (z / limit) ** 2 - slip * z / limit - 1
     return rate, (
-        Event(surface, direction=1, update={slip: sp.sign(z), z: limit * sp.sign(z)}, when=z * v > 0,
+        Event(surface, direction=1, update={slip: sp.sign(z), z: limit * sp.sign(z)}, when=z * v >= 0,
               name=at.label("slip")),
         Event(v, update={slip: 0, z: clip(z, inside)}, when=sp.Ne(slip, 0), name=at.label("stick")),
     )  # fmt: skip
