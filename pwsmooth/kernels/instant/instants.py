@@ -67,6 +67,7 @@ from .firing import (
     carried_along,
     events,
     fire_due,
+    leave_what_jumps,
     may_be_carried,
     sides_after_crossing,
     sides_after_jump,
@@ -267,6 +268,21 @@ def _rests_at_zero(P, S, R, j):
 
 
 @kernel
+def _note_those_inside(P, S, W):
+    """Overwrites instant.stood of the switches; whether one is met in whose surface others stand that are met, too."""
+    nested, others = False, False
+    for j in range(P.m):
+        if W.instant.hit[j] and P.kind[j] < DISC:
+            nested = nested or P.nested[j] != 0
+            others = others or P.nested[j] == 0
+    if nested and others:
+        evaluate_surfaces(P, S, W)
+        for j in range(P.m):
+            W.instant.stood[j] = W.h[j]
+    return nested and others
+
+
+@kernel
 def _settle_switches(P, C, S, R, W):
     """Every switch that is met leaves its bound, crosses or slides; a code, and whether one has changed."""
     instant = W.instant
@@ -280,9 +296,14 @@ def _settle_switches(P, C, S, R, W):
         hold_what_rests(P, S, R, W)
     switched = jumped
     size = 0
+    inside = not jumped and _note_those_inside(P, S, W)
     for j in range(m):
         if not instant.hit[j] or P.kind[j] >= DISC or status[j] == HELD:
             continue
+        if inside and P.nested[j] != 0 and abs(status[j]) == 1:
+            leave_what_jumps(P, S, W)
+            if not instant.hit[j]:
+                continue  # it has jumped with a switch that stands in it: its side is taken with those of all such
         if status[j] == SOLVED:
             if not jumped:
                 # d2h/dt2 of a second-order slide is 0 there, unless a force has jumped.

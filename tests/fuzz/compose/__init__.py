@@ -209,7 +209,8 @@ def judge(played, one, others):
     expected = reference.answer(played.smooth, one)
     judged = int((~np.isnan(expected.values).any(axis=1)).sum())
     if "flat" in expected.marks:  # sign(0) is 0, where a Piecewise in its place is one of its branches
-        others = [name for name in (*others, "rk") if name != "in other switches"]
+        method = "short steps" if played.model.discs else "rk"
+        others = [name for name in (*others, method) if name != "in other switches"]
     runs = [run(played, one, "auto"), run(played, one, others[0])]
     ended = expected.end < np.inf
     found = [compare(one, each, expected.values, expected.end, judged) for each in runs]

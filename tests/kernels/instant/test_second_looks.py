@@ -184,3 +184,16 @@ def test_the_pair_runs_at_the_precision_that_it_has():
         System({y: v, v: -y - sp.sign(v)}), (0, 25), [7.5, 0.3], method="rk", rtol=1e-14, atol=1e-17
     )
     assert solution.outcome.name == "FINISHED" and solution.tolerances["rtol"] == 1e-13
+
+
+@METHODS
+@pytest.mark.parametrize("rate", [1, -1])
+def test_a_condition_that_comes_to_its_border_just_where_it_jumps_off_is_not_met(rate, method):
+    # Mod(y, 3/4) falls to 0 as y does, and is 3/4 there: it is never below 0.
+    saw = sp.Mod(y, sp.Rational(3, 4))
+    below = sp.Piecewise((1, saw < 0), (0, True))
+    for unknown in ([], [Algebraic(a, a + a**3 / 4 - x)]):
+        run = solve(
+            System({x: below, y: rate}, algebraic=unknown), (0, 2), {x: 0.8, y: -0.5 * rate}, method=method
+        )
+        assert run["x"][-1] == 0.8
