@@ -460,9 +460,7 @@ class Lifting:
             if self._moves(h) and not alone and self._factors(h) is not None:
                 return sp.Gt(self._decide(condition, *cases, sides), sp.S.Half, evaluate=False)
             within = self._rounding(h)
-            return (
-                condition.func(left, right) if within == 0 or h.is_number else _holds(condition.func, h, within)
-            )
+            return _holds(condition.func, h, within) if within != 0 else condition.func(left, right)
         if condition in (sp.true, sp.false) or not condition.args:
             return condition
         return condition.func(*(self._condition(c, sides) for c in condition.args))

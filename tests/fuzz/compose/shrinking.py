@@ -11,7 +11,7 @@ import time
 from ..judging import WRONG
 from .grammar import num
 
-SECONDS = 90  # after which the smallest so far is shown
+SECONDS = 240  # after which the smallest so far is shown
 
 
 def shrunk(model, one, ways):
