@@ -181,7 +181,7 @@ def basin(strength, frequency, config):
     system = SYSTEMS["rho = 3, slaved"].with_parameters({"sigma": strength, "omega": frequency})
     axes = {"y": np.linspace(-2, 2, config.starts), "v": np.linspace(-3, 3, config.starts)}
     found = basins(system, axes, 2 * sp.pi / omega, transient=100)
-    resting = np.array(["multiplier of size 1" in reason for reason in found.reasons.ravel()])
+    resting = np.array([reason.startswith("rest:") for reason in found.reasons.ravel()])
     resting = resting.reshape(found.labels.shape)
     orbits = []
     for orbit in found.attractors:
