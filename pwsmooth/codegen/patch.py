@@ -47,7 +47,7 @@ class PatchCode:
         tables = tuple(tables_of(model))
         self.offsets = Layout(families.template).offsets[0]
         found = {name: texts[name] for name in PROGRAMS if name in texts}
-        self._codes = {name: objects.load_alone(text, native.build, tables) for name, text in found.items()}
+        self._codes = {name: objects.Code(text, native.build, (), tables) for name, text in found.items()}
         self.constants = {name: code.constants for name, code in self._codes.items()}
         symbols = {"slip": "jet_slip", "general": "jet_general"}
         self.address = dict.fromkeys(PROGRAMS, 0) | {

@@ -42,8 +42,8 @@ from pwsmooth.codegen.machine import native, vectors
 
 built = []
 build, build_stiff = native.build, vectors.build
-native.build = lambda text: built.append(text) or build(text)
-vectors.build = lambda text: built.append(text) or build_stiff(text)
+native.build = lambda text, first: built.append(text) or build(text, first)
+vectors.build = lambda text, first: built.append(text) or build_stiff(text, first)
 t, x, y = sp.symbols("t x y", real=True)
 v = Switch("v", y)
 w = Switch("w", x)

@@ -30,7 +30,7 @@ def both(text, name, *arguments):
     """Results of a function in Python and as machine code: (value, arrays) twice."""
     scope = {"math": math, "choose": lambda condition, u, v: u if condition else v}
     exec("from __future__ import annotations\n" + text, scope)
-    code = objects.Code(text, native.build(text))
+    code = objects.Code(text, native.build)
     results = []
     for compiled in (False, True):
         values = [a.copy() if isinstance(a, np.ndarray) else a for a in arguments]
@@ -121,7 +121,7 @@ def test_mathematical_functions_are_those_of_the_c_library():
 @pytest.mark.parametrize("largest", [0.8, 10.0, 1e4, 1e6, 1e9])
 def test_sine_and_cosine_are_good_to_a_rounding_or_two(largest):
     text = "def pair(x: D, out: P):\n    out[0] = math.sin(x)\n    out[1] = math.cos(x)\n"
-    code = objects.Code(text, native.build(text))
+    code = objects.Code(text, native.build)
     pair = ctypes.CFUNCTYPE(None, ctypes.c_double, ctypes.c_void_p)(code.address("pair"))
     out = np.zeros(2)
     rng = np.random.default_rng(3)
@@ -152,7 +152,7 @@ def test_a_nan_stays_a_nan(name):
 
 def test_nothing_raises_where_python_would():
     text = "def f(u: D) -> D:\n    return math.sqrt(u) + 1.0 / (u + 1.0)\n"
-    code = objects.Code(text, native.build(text))
+    code = objects.Code(text, native.build)
     assert math.isnan(ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(code.address("f"))(-1.0))
 
 
@@ -173,7 +173,7 @@ def test_the_solver_of_sliding_jets_solves(n):
 @pytest.mark.parametrize("q", [0, 1, 2, 4])
 def test_block_sums_hold_every_pair_before_the_block_and_no_other(q):
     text = "def f(rows: P, q: I):\n    presum(rows, 0, 40, q, 80)\n"
-    code = objects.Code(text, native.build(text))
+    code = objects.Code(text, native.build)
     rng = np.random.default_rng(q)
     rows = rng.normal(size=84)
     rows[4 * q + 1 : 40] = np.nan  # orders of this block and beyond do not exist yet

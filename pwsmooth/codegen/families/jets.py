@@ -20,7 +20,6 @@ from ..graph.dag import Graph
 from ..graph.scalar import Writer
 from ..layout import Count, Layout, one, starts
 from ..machine.sums import LANES
-from ..taylor.jets import FLAGS
 from ..taylor.recurrences import AFFINE, CONSTANT, label, plain, rewrite
 from .memory import CONDITIONS, ElementMemory
 from .orders import FamilyDegrees, FamilyOrderK, FamilyOrderZero
@@ -135,7 +134,7 @@ class FamilyJet(ElementMemory):
             ),
             "SURFACE_ROWS": tuple(self.surface_rows),
             "FLAT_ROWS": order_k.flat_rows(),
-            "FLAGS": FLAGS,
+            "FUSES": True,
         }
         return self.source.text()
 

@@ -93,7 +93,7 @@ class Function(native.Function):
         if isinstance(node.op, ast.USub) and not isinstance(node.operand, ast.Constant):
             value = self.expression(node.operand)
             if value.type == VECTOR:
-                return self.builder.fneg(value, flags=self.flags)
+                return self.builder.fneg(value)
         return super()._UnaryOp(node)
 
     def binary(self, op, a, b) -> ir.Value:
@@ -101,8 +101,7 @@ class Function(native.Function):
             return super().binary(op, a, b)
         if isinstance(op, ast.Pow):
             return super().binary(op, self.first(a), self.first(b))
-        name = native.FLOAT_OPS[type(op)]
-        return getattr(self.builder, name)(self.spread(a), self.spread(b), flags=self.flags)
+        return self.arithmetic(native.FLOAT_OPS[type(op)], self.spread(a), self.spread(b))
 
     def compared(self, a, b):
         return self.first(a), self.first(b)
@@ -115,9 +114,9 @@ class Function(native.Function):
         return PRESUM if name == "presum" else combine(name, count) if name.startswith("combine") else None
 
 
-def build(text: str) -> bytes:
+def build(text: str, first: bool = False) -> bytes:
     """Object code of a generated text for this machine."""
-    return objects.emit(native.Module(text, Function).module)
+    return objects.emit(native.Module(text, Function, objects.FIRST * first).module)
 
 
 def load(text: str, sizes: tuple[int, ...] = (), tables: tuple[Table, ...] = ()) -> objects.Code:

@@ -15,13 +15,14 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Collection
+from functools import cache
 from typing import Any
 
 from llvmlite import binding, ir
 
 from ...definition.model import Table
 from . import objects
-from .sums import BOOL, DOUBLE, INT, block_sum, combine
+from .sums import BLOCK, BOOL, DOUBLE, INT, ROW, block_sum, combine
 
 KINDS = {"D": DOUBLE, "I": INT, "P": DOUBLE.as_pointer(), "Q": INT.as_pointer()}
 INTRINSICS = {"exp", "log", "sin", "cos", "sqrt", "fabs", "floor", "ceil"}
@@ -59,6 +60,53 @@ FLOAT_OPS = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"
 INT_OPS = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.FloorDiv: "sdiv", ast.BitAnd: "and_"}
 
 
+def _is_zero(value: ir.Value) -> bool:
+    return isinstance(value, ir.Constant) and value.constant == 0.0
+
+
+class Numbering:
+    """Names of the values in a function, by a count: llvmlite's own way takes three times as long."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def register(self, name: str, deduplicate: bool = False) -> str:
+        self.count += 1
+        return f"{name}_{self.count}"
+
+
+class Written(ir.Function):
+    """A function whose definition is there as LLVM's text."""
+
+    definition = ""
+
+    def __str__(self) -> str:
+        return self.definition
+
+
+class Product(ir.Instruction):
+    """A product that a sum may take into one instruction."""
+
+    uses = 0
+
+
+class Sum(ir.Instruction):
+    """A sum or difference: one fused instruction with a product that only it uses.
+
+    So that every degree of optimisation rounds alike, this is written out here and not left to LLVM.
+    """
+
+    fused: ir.Function
+    forms: list[tuple[Product, list[ir.Value]]]  # each product in it, and the arguments if that is taken in
+
+    def descr(self, buf) -> None:
+        parts = next((parts for product, parts in self.forms if product.uses == 1), None)
+        if parts is None:
+            return super().descr(buf)
+        given = ", ".join(f"{part.type} {part.get_reference()}" for part in parts)
+        buf.append(f"call {self.type} {self.fused.get_reference()}({given})\n")
+
+
 def _assigned(statements) -> set[str]:
     """Names of the locals that statements assign."""
     names: set[str] = set()
@@ -75,12 +123,15 @@ class Function:
     kinds = KINDS
 
     def __init__(self, module: Module, node: ast.FunctionDef, function: ir.Function):
-        self.module, self.function, self.flags = module, function, module.flags
+        self.module, self.function, self.fuses = module, function, module.fuses
+        function.scope = Numbering()
         self.entry = function.append_basic_block("entry")
         self.builder = ir.IRBuilder(function.append_basic_block("body"))
         self.locals: dict[str, ir.Value] = {}  # their memory
         self.known: dict[str, ir.Value] = {}  # what they are at this point, where every way to it says the same
         self.pointers: dict[str, ir.Value] = {}
+        self.products: list[tuple[str, Product]] = []  # by the local that they were stored in
+        self.loaded: set[str] = set()
         for argument, value in zip(node.args.args, function.args, strict=True):
             if value.type.is_pointer:
                 self.pointers[argument.arg] = value
@@ -93,6 +144,8 @@ class Function:
             else:
                 self.builder.ret(INT(0))
         ir.IRBuilder(self.entry).branch(function.blocks[1])
+        for name, product in self.products:
+            product.uses += name in self.loaded
 
     # ---- locals ----
 
@@ -100,8 +153,11 @@ class Function:
         slot = self.locals.get(name)
         if slot is None:
             slot = self.locals[name] = ir.IRBuilder(self.entry).alloca(value.type, name=name)
-        self.known[name] = self.cast(value, slot.type.pointee)
-        self.builder.store(self.known[name], slot)
+        value = self.known[name] = self.cast(value, slot.type.pointee)
+        if isinstance(value, Product):
+            value.uses -= 1
+            self.products.append((name, value))
+        self.builder.store(value, slot)
 
     def cast(self, value: ir.Value, kind: ir.Type) -> ir.Value:
         if value.type == kind:
@@ -196,7 +252,10 @@ class Function:
     # ---- expressions ----
 
     def expression(self, node) -> ir.Value:
-        return getattr(self, f"_{type(node).__name__}")(node)
+        value = getattr(self, f"_{type(node).__name__}")(node)
+        if isinstance(value, Product):
+            value.uses += 1
+        return value
 
     def _Constant(self, node):
         if isinstance(node.value, bool):
@@ -208,6 +267,7 @@ class Function:
             return self.builder.load(self.module.sizes[node.id])
         if node.id not in self.known:
             self.known[node.id] = self.builder.load(self.locals[node.id])
+            self.loaded.add(node.id)
         return self.known[node.id]
 
     def _Attribute(self, node):
@@ -222,7 +282,7 @@ class Function:
             return self.builder.not_(value)
         if isinstance(value, ir.Constant):
             return value.type(-value.constant)
-        return self.builder.fneg(value, flags=self.flags) if value.type == DOUBLE else self.builder.neg(value)
+        return self.builder.fneg(value) if value.type == DOUBLE else self.builder.neg(value)
 
     def _BinOp(self, node):
         return self.binary(node.op, self.expression(node.left), self.expression(node.right))
@@ -233,8 +293,30 @@ class Function:
             return getattr(self.builder, INT_OPS[kind])(a, b)
         a, b = self.cast(a, DOUBLE), self.cast(b, DOUBLE)
         if kind is ast.Pow:
-            return self.builder.call(self.module.intrinsic("pow", 2), [a, b])
-        return getattr(self.builder, FLOAT_OPS[kind])(a, b, flags=self.flags)
+            return self.builder.call(self.module.instruction("pow", DOUBLE, 2), [a, b])
+        return self.arithmetic(FLOAT_OPS[kind], a, b)
+
+    def arithmetic(self, name: str, a: ir.Value, b: ir.Value) -> ir.Value:
+        """Of numbers, or of vectors of them."""
+        if not self.fuses or name == "fdiv":
+            return getattr(self.builder, name)(a, b)
+        if name != "fmul" and (_is_zero(a) or _is_zero(b)):  # which sign a zero has is nobody's matter
+            if name == "fsub" and _is_zero(a):
+                return self.builder.fneg(b)
+            other = b if _is_zero(a) else a
+            if isinstance(other, Product):
+                other.uses -= 1  # whoever takes the sum takes it
+            return other
+        made = (Product if name == "fmul" else Sum)(self.builder.block, a.type, name, (a, b))
+        if isinstance(made, Sum):
+            made.fused, made.forms = self.module.instruction("fmuladd", a.type, 3), []
+            signed = self.builder.fneg if name == "fsub" else lambda value: value
+            if isinstance(a, Product):
+                made.forms.append((a, [*a.operands, signed(b)]))
+            if isinstance(b, Product):
+                made.forms.append((b, [signed(b.operands[0]), b.operands[1], a]))
+        self.builder._insert(made)
+        return made
 
     def _BoolOp(self, node):
         values = [self.expression(v) for v in node.values]
@@ -287,14 +369,14 @@ class Function:
 class Module:
     """Translates one generated text into an LLVM module."""
 
-    def __init__(self, text: str, translated: type[Function] = Function):
+    def __init__(self, text: str, translated: type[Function] = Function, suffix: str = ""):
         self.translated = translated
         self.module = ir.Module("pwsmooth")
         self.module.triple = binding.get_default_triple()
         definitions = self.read(text)
-        self.flags = self.constants.get("FLAGS", ())
+        self.fuses = self.constants.get("FUSES", False)
         self.functions: dict[str, ir.Function] = {}
-        self.define(definitions)
+        self.define(definitions, suffix=suffix)
 
     def read(self, text: str) -> list[ast.FunctionDef]:
         """Function definitions of a text; its constants, and the numbers of elements that it reads, are noted."""
@@ -312,13 +394,14 @@ class Module:
             variable.initializer = INT(0)
         return definitions
 
-    def define(self, definitions: list[Any], internal: Collection[str] = INTERNAL) -> None:
-        """Functions that may call each other."""
+    def define(self, definitions: list[Any], internal: Collection[str] = INTERNAL, suffix: str = "") -> None:
+        """Functions that may call each other; the names of those that kernels call end with the suffix."""
         kinds = self.translated.kinds
         for node in definitions:
             arguments = [kinds[a.annotation.id] for a in node.args.args]
             returned = kinds[node.returns.id] if node.returns else ir.VoidType()
-            function = ir.Function(self.module, ir.FunctionType(returned, arguments), node.name)
+            name = node.name if node.name in internal else node.name + suffix
+            function = ir.Function(self.module, ir.FunctionType(returned, arguments), name)
             if node.name in internal:
                 function.linkage = "internal"
             for argument, value in zip(node.args.args, function.args, strict=True):
@@ -335,9 +418,12 @@ class Module:
             variable.initializer = KINDS["P"](None)
         return self.module.globals[name]
 
-    def intrinsic(self, name: str, count: int) -> ir.Function:
-        kind = ir.FunctionType(DOUBLE, [DOUBLE] * count)
-        return self.module.declare_intrinsic(f"llvm.{name}", [DOUBLE], kind)
+    def instruction(self, name: str, kind: ir.Type, count: int) -> ir.Function:
+        """LLVM's own function of numbers, or of vectors lane by lane."""
+        full = f"llvm.{name}.v{kind.count}f64" if isinstance(kind, ir.VectorType) else f"llvm.{name}.f64"
+        if full not in self.module.globals:
+            ir.Function(self.module, ir.FunctionType(kind, [kind] * count), full)
+        return self.module.globals[full]
 
     def callee(self, name: str, count: int) -> ir.Function:
         if name == "combine":  # one for each number of rows that is combined
@@ -348,15 +434,15 @@ class Module:
             self.define(ast.parse(text).body)
             return self.functions[name]
         if name in ("sin", "cos"):
-            function = self._trigonometry(name)
+            function = self.written(*_trigonometry(name))
         elif name.startswith("libm_"):
             function = ir.Function(self.module, ir.FunctionType(DOUBLE, [DOUBLE]), name[5:])
         elif name in INTRINSICS:
-            return self.intrinsic(name, count)
+            return self.instruction(name, DOUBLE, count)
         elif name == "presum":
-            function = block_sum(self.module)
+            function = block_sum(self.module, self.instruction("fmuladd", BLOCK, 3))
         elif name.startswith("combine"):
-            function = combine(self.module, name, count)
+            function = combine(self.module, self.instruction("fmuladd", ROW, 3), name, count)
         elif name in objects.LIBM:
             function = ir.Function(self.module, ir.FunctionType(DOUBLE, [DOUBLE] * count), name)
         else:
@@ -364,19 +450,29 @@ class Module:
         self.functions[name] = function
         return function
 
-    def _trigonometry(self, name: str) -> ir.Function:
-        function = ir.Function(self.module, ir.FunctionType(DOUBLE, [DOUBLE]), f"pws_{name}")
-        function.linkage = "internal"
-        text = TRIGONOMETRY.format(name=name, odd=0 if name == "sin" else 1, turn=0 if name == "sin" else 1)
-        flags, self.flags = self.flags, ("contract",)
-        Function(self, ast.parse(text).body[0], function)  # of one number
-        self.flags = flags
+    def written(self, first: ir.Function, definition: str) -> ir.Function:
+        """A function of another module, known by its text, and what it calls declared."""
+        for other in first.module.functions:
+            if other is not first and other.name not in self.module.globals:
+                ir.Function(self.module, other.function_type, other.name)
+        function = Written(self.module, first.function_type, first.name)
+        function.definition = definition
         return function
 
 
-def build(text: str) -> bytes:
+@cache
+def _trigonometry(name: str) -> tuple[ir.Function, str]:
+    """Sine or cosine, and its definition; to translate it in each module would take a tenth of the time of all."""
+    text = TRIGONOMETRY.format(name=name, odd=0 if name == "sin" else 1, turn=0 if name == "sin" else 1)
+    module = Module(f"FUSES = True\n{text}")
+    function = module.functions[f"pws_{name}"]
+    function.linkage = "internal"
+    return function, str(function)
+
+
+def build(text: str, first: bool = False) -> bytes:
     """Object code of a generated text for this machine."""
-    return objects.emit(Module(text).module)
+    return objects.emit(Module(text, suffix=objects.FIRST * first).module)
 
 
 def load(text: str, sizes: tuple[int, ...] = (), tables: tuple[Table, ...] = ()) -> objects.Code:

@@ -6,16 +6,17 @@ from llvmlite import ir
 
 DOUBLE, INT, BOOL, LANE = ir.DoubleType(), ir.IntType(64), ir.IntType(1), ir.IntType(32)
 LANES = 4
+BLOCK, ROW = ir.VectorType(DOUBLE, LANES), ir.VectorType(DOUBLE, 8)  # what the two functions work on at once
 
 
-def block_sum(module: ir.Module) -> ir.Function:
+def block_sum(module: ir.Module, fused: ir.Function) -> ir.Function:
     """presum(rows, a, b, q, out): the part of four convolutions that is known at the start of block q.
 
     Overwrites rows[out..out+3] with sum over 1 <= j <= 4q, k - j <= 4q of a_j b_(k-j), k = 4q+1 .. 4q+4: four
     orders in the lanes of one vector. A loop over j at every order costs four times as much: its length changes
     with k, so each of its ends is a mispredicted branch, and it reloads numbers that were only just stored.
     """
-    vector = ir.VectorType(DOUBLE, LANES)
+    vector = BLOCK
     kind = ir.FunctionType(ir.VoidType(), [DOUBLE.as_pointer(), INT, INT, INT, INT])
     function = ir.Function(module, kind, "presum")
     function.linkage = "internal"
@@ -41,8 +42,7 @@ def block_sum(module: ir.Module) -> ir.Function:
         if valid < LANES:  # beyond are orders that do not exist yet
             mask = ir.Constant(ir.VectorType(BOOL, LANES), [int(lane < valid) for lane in range(LANES)])
             other = builder.select(mask, other, zero)
-        product = builder.fmul(factor, other, flags=("contract",))
-        builder.store(builder.fadd(builder.load(into), product, flags=("contract",)), into)
+        builder.store(builder.call(fused, [factor, other, builder.load(into)]), into)
 
     work, test, loop, end = (function.append_basic_block(name) for name in ("work", "test", "loop", "end"))
     builder.cbranch(builder.icmp_signed(">", q, INT(0)), work, end)
@@ -66,13 +66,13 @@ def block_sum(module: ir.Module) -> ir.Function:
     return function
 
 
-def combine(module: ir.Module, name: str, count: int) -> ir.Function:
+def combine(module: ir.Module, fused: ir.Function, name: str, count: int) -> ir.Function:
     """combine(rows, out, value, table, stride, K, c_0, c_1, ...): value + sum_j c_j times the row at table + j stride.
 
     Overwrites orders 0..K of the row at `out`, and with zeros what is left of the last block of eight.
     """
-    width = 8
-    vector, mask = ir.VectorType(DOUBLE, width), ir.VectorType(LANE, width)
+    vector, width = ROW, ROW.count
+    mask = ir.VectorType(LANE, width)
     kind = ir.FunctionType(ir.VoidType(), [DOUBLE.as_pointer(), INT, DOUBLE, INT, INT, INT, *[DOUBLE] * count])
     function = ir.Function(module, kind, name)
     function.linkage = "internal"
@@ -97,7 +97,7 @@ def combine(module: ir.Module, name: str, count: int) -> ir.Function:
     for j, c in enumerate(factors):
         place = builder.add(builder.add(table, builder.mul(stride, INT(j))), start)
         response = builder.load(builder.bitcast(builder.gep(rows, [place]), vector.as_pointer()), align=8)
-        result = builder.fadd(result, builder.fmul(c, response, flags=("contract",)), flags=("contract",))
+        result = builder.call(fused, [c, response, result])
     place = builder.gep(rows, [builder.add(out, start)])
     builder.store(result, builder.bitcast(place, vector.as_pointer()), align=8)
     following = builder.add(start, INT(width))

@@ -97,7 +97,7 @@ class Function(native.Function):
         if kind is None:
             return super().binary(op, a, b)
         a, b = self.cast(a, kind), self.cast(b, kind)
-        return getattr(self.builder, native.FLOAT_OPS[type(op)])(a, b, flags=self.flags)
+        return self.arithmetic(native.FLOAT_OPS[type(op)], a, b)
 
     # ---- statements and expressions that native.py does without ----
 
@@ -120,7 +120,7 @@ class Function(native.Function):
         if isinstance(node.op, ast.USub):
             value = self.expression(node.operand)
             if self.vector(value):
-                return self.builder.fneg(value, flags=self.flags)
+                return self.builder.fneg(value)
         return super()._UnaryOp(node)
 
     def _IfExp(self, node):
@@ -201,7 +201,7 @@ class Function(native.Function):
         return self.shuffle(self.expression(a), list(range(8)), self.expression(b))
 
     def call_vpow(self, value, exponent):
-        power = self.module.intrinsic("pow", 2)
+        power = self.module.instruction("pow", DOUBLE, 2)
         return self.lane_by_lane(power, self.expression(value), self.cast(self.expression(exponent), DOUBLE))
 
     def maximum(self, a, b) -> ir.Value:
@@ -227,32 +227,25 @@ class Function(native.Function):
         return self.fold(value, self.maximum)
 
     def call_total8(self, value):
-        return self.fold(value, lambda a, b: self.builder.fadd(a, b, flags=self.flags))
+        return self.fold(value, self.builder.fadd)
 
 
 class Module(native.Module):
     """Translates one generated text with vectors into an LLVM module."""
 
-    def __init__(self, text: str):
+    def __init__(self, text: str, suffix: str = ""):
         self.module = ir.Module("pwsmooth")
         self.module.triple = llvm.get_default_triple()
-        self.flags = ("contract", "nsz")
+        self.fuses = True
         self.functions: dict[str, ir.Function] = {}
         prelude = [node for node in ast.parse(PRELUDE).body if isinstance(node, ast.FunctionDef)]
         self.translated = Function
-        self.define([*prelude, *self.read(text)], {*native.INTERNAL, *(node.name for node in prelude)})
-
-    def instruction(self, name: str, kind: ir.VectorType, count: int) -> ir.Function:
-        """LLVM's vector form of an operation; it has no helper for the name of a vector type."""
-        full = f"llvm.{name}.v{kind.count}f64"
-        if full not in self.functions:
-            self.functions[full] = ir.Function(self.module, ir.FunctionType(kind, [kind] * count), full)
-        return self.functions[full]
+        self.define([*prelude, *self.read(text)], {*native.INTERNAL, *(node.name for node in prelude)}, suffix)
 
 
-def build(text: str) -> bytes:
+def build(text: str, first: bool = False) -> bytes:
     """Object code of a generated text with vectors for this machine."""
-    return objects.emit(Module(text).module)
+    return objects.emit(Module(text, objects.FIRST * first).module)
 
 
 def load(text: str, sizes: tuple[int, ...] = (), tables: tuple[Table, ...] = ()) -> objects.Code:

@@ -79,8 +79,6 @@ def lu_solve(rows: P, a: I, n: I):
 }
 HELPERS |= SOLVERS
 
-FLAGS = ("contract", "nsz")
-
 
 class JetProgram:
     """Writes one program; its text ends with the layout, NROWS and SURFACE_ROWS (-1 where there is none)."""
@@ -228,7 +226,7 @@ class JetProgram:
         mask = "mask, " if self.general else ""
         self.source.function(name, f"t, x, mult, p, {mask}K, stride, rows, scratch", body, returns="I")
         rows = {"NROWS": len(order_k.rows), "OWN_ROWS": own, "SURFACE_ROWS": tuple(surface_rows)}
-        self.source.constants = {**rows, "FLAT_ROWS": order_k.flat_rows(), "FLAGS": FLAGS}
+        self.source.constants = {**rows, "FLAT_ROWS": order_k.flat_rows(), "FUSES": True}
         self.source.constants["BY_RESPONSES"] = bool(self.responses)
         if self.given:
             self.source.constants["READ_ROWS"] = tuple(order_k.rows[node] for node in self.read)
