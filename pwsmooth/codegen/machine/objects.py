@@ -46,7 +46,7 @@ _LEVELS = {
 _LONG = 50_000  # characters of a text: half a second
 _nothing = ctypes.CFUNCTYPE(None)(lambda: None)
 # Calls of the first code of a text after which it is optimised: about what this costs, over what a call then gains.
-MANY = 50_000
+MANY = 10_000
 CALLED_OFTEN = "pwsmooth_called_often"
 FIRST = "_first"  # how the names of the functions end in the first code
 INT, PLACE = ir.IntType(64), ir.IntType(64).as_pointer()
