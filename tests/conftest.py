@@ -6,11 +6,17 @@ that take a minute and more have this mark where they stand; .ci/run does withou
 
 import gc
 import json
+import os
 import tomllib
 from collections import defaultdict
 from pathlib import Path
 
 import pytest
+
+# Matrices are small here. A second thread of BLAS waits for the first one, spinning, on the core of the other worker:
+# scipy's exponential of a 2 x 2 matrix takes 10 ms then. Read when scipy loads its BLAS, here and in other processes.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("MKL_NUM_THREADS", "1")
 
 HERE = Path(__file__).parent
 ALL, MOVED = pytest.StashKey[int](), pytest.StashKey[int]()

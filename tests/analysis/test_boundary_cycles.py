@@ -11,16 +11,15 @@ import sympy as sp
 
 from pwsmooth import System, equilibria, find_orbit, follow
 
-x, y, a = sp.symbols("x y a", real=True)
+x, y, a, g = sp.symbols("x y a g", real=True)
 
 
-def focus(growth, drift=0, time=1):
+def focus(growth, time=1):
     """A focus at (0, a) above y = 0 with eigenvalues growth +- i; below, the motion goes up at the speed 1."""
-    g, c = sp.Rational(growth).limit_denominator(1000), sp.Rational(drift).limit_denominator(1000)
     return System(
-        {x: time * sp.Piecewise((g * x - (y - a), y > 0), (c, True)),
+        {x: time * sp.Piecewise((g * x - (y - a), y > 0), (0, True)),
          y: time * sp.Piecewise((x + g * (y - a), y > 0), (1, True))},
-        parameters={a: 0.5},
+        parameters={a: 0.5, g: growth},
     )  # fmt: skip
 
 

@@ -72,7 +72,7 @@ def test_their_stability_is_that_of_the_smoothed_view():
     for _ in range(8):
         system, _, _ = _draw(rng, 2, 2)
         smooth = system.smoothed(eps)
-        for e in equilibria(system, {u: (-9, 9), v: (-9, 9)}):
+        for e in equilibria(system, {u: (-9, 9), v: (-9, 9)}, starts=32):
             if e.held:
                 near = find_equilibrium(smooth, e.x + eps * e.mult[1:] / np.sqrt(1 - e.mult[1:] @ e.mult[1:]))
                 expected = e.layer_eigenvalues / eps
@@ -148,9 +148,9 @@ def test_two_plates_on_each_other():
     plates = System({
         u: -low[0] + high[0] / 2, v: -low[1] + high[1] / 2, x: F - high[0] / 2 - x / 4, y: -high[1] / 2 - y / 4
     }, parameters={F: 0.8})  # fmt: skip
-    (held,) = equilibria(plates.with_parameters({F: 0.4}), BOX)
+    (held,) = equilibria(plates.with_parameters({F: 0.4}), BOX, starts=32)
     assert set(held.held) == {"low", "high"} and held.multipliers["high_x"] == pytest.approx(0.8)
-    (slid,) = equilibria(plates, BOX)
+    (slid,) = equilibria(plates, BOX, starts=32)
     assert slid.held == ("low",) and slid.start["x"] == pytest.approx(1.2) and slid.multipliers["low_x"] == 0.5
 
 
@@ -161,9 +161,9 @@ def test_a_drag_at_rest_has_an_equilibrium():
         rest = find_equilibrium(drag, {x: 0.3, y: 0.2, u: 0, v: 0})
         assert rest.x == pytest.approx(0, abs=1e-12) and rest.stability == "stable" and rest.isolated
         assert np.sort(rest.eigenvalues.real) == pytest.approx(-0.1)
-        assert len(equilibria(drag, BOX)) == 1
+        assert len(equilibria(drag, BOX, starts=32)) == 1
         kink = System({x: u, y: v, u: -x - speed / 5 - u / 5, v: -y - v / 5})
-        (rest,) = equilibria(kink, BOX)
+        (rest,) = equilibria(kink, BOX, starts=32)
         assert rest.stability == "undecided" and "Jacobian jumps" in rest.linear.undecided
 
 

@@ -135,12 +135,11 @@ def test_more_contacts_at_rest_than_are_solved_for_together_are_refused():
 
 def test_a_ball_between_two_that_strike_it_at_once_stays():
     """Three bodies at one instant: as the run of all has it, and said to be a matter of order."""
-    family = Family(9)
+    family = Family(5)
     x, v = family.symbols("x v")
     ball = Unilateral(family.neighbour(x, 1) - x - 1, restitution=1, name="R")
     rates = {x: v, v: family.neighbour(ball.reaction, -1) - ball.reaction}
-    start = {"x": [0, 10, 20, 30, 40, 41.5, 51, 61, 71], "v": [0, 0, 0, 0, 0, 0, 0, 0, 0]}
-    start["x"][3:6], start["v"][3:6] = [38.5, 40, 41.5], [1, 0, -1]
+    start = {"x": [0, 8.5, 10, 11.5, 20], "v": [0, 1, 0, -1, 0]}
     runs = []
     for least, local in ((10**9, False), (1, False), (1, True)):
         with template_from(least):
@@ -149,7 +148,7 @@ def test_a_ball_between_two_that_strike_it_at_once_stays():
     written, whole, run = runs
     np.testing.assert_allclose(run.x, written.x, rtol=0, atol=1e-14)
     assert compared(whole, run) is None
-    assert run["v_5"][-1] == 0 and [run[f"v_{i}"][-1] for i in (4, 6)] == [-1, 1]
+    assert run["v_3"][-1] == 0 and [run[f"v_{i}"][-1] for i in (2, 4)] == [-1, 1]
     assert str(written.ambiguities) == str(run.ambiguities)
 
 
@@ -328,12 +327,12 @@ def shaken(n, notation=False, least=1, periodic=False):
 
 @pytest.mark.parametrize("notation", [False, True])
 def test_sliders_that_rub_are_those_written_out_and_those_by_elements(notation):
-    start = {"x": 0.0, "v": [0.1 * (-1) ** i * i for i in range(10)]}
+    start = {"x": 0.0, "v": [0.1 * (-1) ** i * i for i in range(5)]}
     whole, written, by_elements = (
-        solve(shaken(10, notation, least), (0, 20), start, t_eval=[0, 5, 20], local=local, **TIGHT)
+        solve(shaken(5, notation, least), (0, 20), start, t_eval=[0, 5, 20], local=local, **TIGHT)
         for least, local in ((1, False), (10**9, False), (1, True))
     )
-    assert len(whole.events) == len(written.events) == len(by_elements.events) == 60
+    assert len(whole.events) == len(written.events) == len(by_elements.events) == 28
     kinds = [e.kind for e in whole.events]
     assert kinds == [e.kind for e in written.events] == [e.kind for e in by_elements.events]
     for other in (written, by_elements):

@@ -28,7 +28,7 @@ starts = [{ x = 0.1 }]
 object = "model.py:quadratic"
 
 [ranges]
-a = [-0.5, 1]
+a = [-0.5, 0.5]
 """
 
 
@@ -51,8 +51,9 @@ def test_one_parameter_makes_a_diagram_with_its_store_and_picture(study, tmp_pat
     t, x, a, b = sp.symbols("t x a b", real=True)
     step = Event(every=1, update={x: a - x**2 + b * x})
     system = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
-    found = diagram(system, a, (-0.5, 1), {x: 0.1}, 1, phase=0.5, values=5)
+    found = diagram(system, a, (-0.5, 0.5), {x: 0.1}, 1, phase=0.5, values=5)
     stored = read_diagram(tmp_path / "study.zarr")
+    assert found.bifurcations
     assert [b.parameter for b in stored.bifurcations] == [b.parameter for b in found.bifurcations]
 
 

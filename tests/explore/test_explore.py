@@ -5,6 +5,7 @@ Guards: explore/, results/layers.py.
 
 import asyncio
 import base64
+import functools
 import http.client
 import importlib.resources
 import json
@@ -58,6 +59,9 @@ def oscillator():
     return presets.subject_of_preset("figure-8")
 
 
+named = functools.cache(subject.named_subject)
+
+
 def asked(scene, **more):
     known = describe.describe(scene)
     names = [*known["states"][:4], *known["outputs"], *known["characteristic"]]
@@ -69,7 +73,7 @@ def asked(scene, **more):
 
 @pytest.mark.parametrize("name", [n for n in known_scenes()])
 def test_every_scene_is_described_in_json(name):
-    scene = subject.named_subject(name)
+    scene = named(name)
     known = json.loads(json.dumps(describe.describe(scene), allow_nan=False))
     assert known["states"] and set(known["start"]) == set(known["states"])
     # Members with one value for all are one slider.
@@ -405,12 +409,12 @@ def test_no_other_law_or_view_is_made_than_there_are(asked, words):
 
 def test_laws_that_are_offered_fit_their_scene():
     for scene, count in (("friction_oscillator", 23), ("impact_oscillator", 11), ("spinning_disc", 2)):
-        known = subject.named_subject(scene)
+        known = named(scene)
         offered = describe.describe(known)["law"]["all"]
         assert len(offered) == count and known.made.law in offered
         for law in offered[::5]:
             assert subject.with_law(known, law).made.law == law
-    assert not describe.describe(subject.named_subject("slider_crank"))["law"]
+    assert not describe.describe(named("slider_crank"))["law"]
 
 
 def test_the_band_in_the_phase_plane_is_the_sticking_region():

@@ -123,7 +123,8 @@ def test_the_reference_of_compositions_agrees_with_closed_forms():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_planted_wrong_number_is_seen(name):
-    number, found = planted.seen(name, "a wrong number", structures=1, cases=4)
+    cases = 1 if name == "smooth" else 4  # what is wrong there is computed again in the finest steps
+    number, found = planted.seen(name, "a wrong number", structures=1, cases=cases)
     assert number > 0 and found == number
 
 

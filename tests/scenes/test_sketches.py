@@ -32,7 +32,7 @@ SCENES = {
     "belt": lambda: block_on_belt(Coulomb(), t_span=(0, 20)),
     "stop": lambda: impact_oscillator(RigidImpact(e=0.8), t_span=(0, 20)),
     "ball": lambda: falling_ball(RigidImpact(e=0.8), height=1.0),
-    "crank": lambda: slider_crank(clearance=1e-3),
+    "crank": lambda: slider_crank(RigidImpact(e=0.5), None, clearance=1e-3),
 }
 
 

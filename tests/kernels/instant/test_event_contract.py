@@ -336,18 +336,18 @@ def bouncing_at_its_switch(x, v, w):
 
 
 def test_an_event_on_a_switchs_own_surface_keeps_the_motion_on_its_side_in_a_family_too():
-    family, count = Family(60), 60
+    family, w = Family(12), sp.Symbol("w", positive=True)
     (w_,), (x_, v_) = family.symbols("w", positive=True), family.symbols("x v")
-    w, random = sp.Symbol("w", positive=True), np.random.default_rng(1)
-    values = random.uniform(0.5, 2, count), random.uniform(-1, 1, count), random.uniform(-2, 2, count)
-    together = solve(
-        bouncing_at_its_switch(x_, v_, w_), (0, 7), {x_: values[1], v_: values[2]}, parameters={w_: values[0]}
-    )
-    for k, (w_k, x_k, v_k) in enumerate(zip(*values)):
-        alone = solve(bouncing_at_its_switch(x, v, w), (0, 7), {x: x_k, v: v_k}, parameters={w: w_k})
-        mine = [e for e in together.events if e.switch in (f"bounce {k + 1}", f"sgn(sin(x_{k + 1}) - 1/3)")]
-        assert [e.kind for e in mine] == [e.kind for e in alone.events]
-        assert {e.kind for e in mine} == {"reset"}
+    together, alone = bouncing_at_its_switch(x_, v_, w_), bouncing_at_its_switch(x, v, w)
+    random = np.random.default_rng(1)
+    values = np.stack([random.uniform(low, high, 60) for low, high in ((0.5, 2), (-1, 1), (-2, 2))])
+    for some in np.split(values, 5, axis=1):
+        run = solve(together, (0, 7), {x_: some[1], v_: some[2]}, parameters={w_: some[0]})
+        for k, (w_k, x_k, v_k) in enumerate(some.T, 1):
+            one = solve(alone, (0, 7), {x: x_k, v: v_k}, parameters={w: w_k})
+            mine = [e for e in run.events if e.switch in (f"bounce {k}", f"sgn(sin(x_{k}) - 1/3)")]
+            assert [e.kind for e in mine] == [e.kind for e in one.events]
+            assert {e.kind for e in mine} == {"reset"}
 
 
 @METHODS
