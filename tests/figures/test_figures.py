@@ -1,6 +1,7 @@
 """The machinery of the figures: whole files, claims with verdicts, names, failures, interruption."""
 
 import doctest
+import functools
 import json
 import os
 import shutil
@@ -286,53 +287,56 @@ def draw(fast):
 """
 
 
+def begun(folder, *begins, shares=()):
+    """`pwsmooth figures ... --jobs 2` in a checkout whose figures begin their drawing so."""
+    root, scripts = Path(figures.__file__).parent.parent, folder / "paper_figures"
+    shutil.copytree(root / "pwsmooth", folder / "pwsmooth")
+    (folder / "pyproject.toml").touch()
+    scripts.mkdir()
+    for name in ("__init__.py", "claims.py", "making.py"):
+        shutil.copy(root / "paper_figures" / name, scripts)
+    for name, first in enumerate(begins, 1):
+        path = scripts / f"figure_{name:02d}.py"
+        path.write_text(A_SCRIPT.format(name=name, first=first, shares=name not in shares and name))
+    names = [str(name) for name, _ in enumerate(begins, 1)]
+    return subprocess.Popen(
+        [sys.executable, "-m", "pwsmooth", "figures", *names, "--jobs", "2", "--out", "made"],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder, start_new_session=True,
+        env=os.environ | {"PYTHONPATH": str(folder)},
+    )  # fmt: skip
+
+
 @pytest.fixture
 def start(tmp_path):
-    """Starts `pwsmooth figures ... --jobs 2` in a checkout whose figures begin their drawing so."""
-
-    def start(*begins, shares=()):
-        root, scripts = Path(figures.__file__).parent.parent, tmp_path / "paper_figures"
-        shutil.copytree(root / "pwsmooth", tmp_path / "pwsmooth")
-        (tmp_path / "pyproject.toml").touch()
-        scripts.mkdir()
-        for name in ("__init__.py", "claims.py", "making.py"):
-            shutil.copy(root / "paper_figures" / name, scripts)
-        for name, first in enumerate(begins, 1):
-            path = scripts / f"figure_{name:02d}.py"
-            path.write_text(A_SCRIPT.format(name=name, first=first, shares=name not in shares and name))
-        names = [str(name) for name, _ in enumerate(begins, 1)]
-        return subprocess.Popen(
-            [sys.executable, "-m", "pwsmooth", "figures", *names, "--jobs", "2", "--out", "made"],
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=tmp_path, start_new_session=True,
-            env=os.environ | {"PYTHONPATH": str(tmp_path)},
-        )  # fmt: skip
-
     # A shell's background job begins deaf to Ctrl-C, and so would what it starts.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield start
+    yield functools.partial(begun, tmp_path)
     signal.signal(signal.SIGINT, before)
 
 
-def test_of_several_at_a_time_one_that_fails_costs_no_other_and_the_order_is_kept(start, tmp_path):
-    process = start("time.sleep(1)", "raise ArithmeticError('no such orbit')", "pass")
+@pytest.fixture(scope="module")
+def three(tmp_path_factory):
+    """(folder, exit code, what is printed) where the second of three fails, and the others keep runs for each other."""
+    folder = tmp_path_factory.mktemp("three")
+    noted = "open(NAME, 'w').write(str(os.getpid())); "
+    fails = noted + "raise ArithmeticError('no such orbit')"
+    process = begun(folder, noted + "time.sleep(1)", fails, noted + "time.sleep(0.5)", shares=(1, 3))
     printed, _ = process.communicate()
-    assert process.returncode == 1 and "no such orbit" in printed and "FAILED: figures 2" in printed
+    return folder, process.returncode, printed
+
+
+def test_of_several_at_a_time_one_that_fails_costs_no_other_and_the_order_is_kept(three):
+    folder, code, printed = three
+    assert code == 1 and "no such orbit" in printed and "FAILED: figures 2" in printed
     assert [line[:9] for line in printed.splitlines() if line.startswith("figure")][:3] == [
         "figure  1", "figure 2 ", "figure  3",
     ]  # fmt: skip
-    assert list(json.loads((tmp_path / "made" / "claims.json").read_text())) == ["1", "3"]
+    assert list(json.loads((folder / "made" / "claims.json").read_text())) == ["1", "3"]
 
 
-def test_figures_that_keep_runs_for_each_other_are_made_in_one_process(start, tmp_path):
-    noted = "open(NAME, 'w').write(str(os.getpid())); time.sleep(0.5)"
-    process = start(noted, noted, noted, shares=(1, 3))
-    printed, _ = process.communicate()
-    assert process.returncode == 0, printed
-    one, two, three = ((tmp_path / name).read_text() for name in "123")
+def test_figures_that_keep_runs_for_each_other_are_made_in_one_process(three):
+    one, two, three = ((three[0] / name).read_text() for name in "123")
     assert one == three != two
-    assert [line[:9] for line in printed.splitlines() if line.startswith("figure  ")] == [
-        "figure  1", "figure  2", "figure  3",
-    ]  # fmt: skip
 
 
 def test_a_process_that_is_killed_is_reported_and_the_command_ends(start):
