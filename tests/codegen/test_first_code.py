@@ -4,13 +4,16 @@ Guards: codegen/machine/objects.py, codegen/machine/native.py, codegen/machine/v
 """
 
 import _thread
+import os
+import subprocess
+import sys
 import threading
 
 import pytest
 import sympy as sp
 
 from pwsmooth import Event, Switch, System, Unilateral, solve
-from pwsmooth.codegen.machine import objects
+from pwsmooth.codegen.machine import cache, objects
 
 t, x, y, v, z = sp.symbols("t x y v z", real=True)
 lam, wall = Switch("lam", v), Unilateral(x, restitution=sp.Rational(9, 10), name="W")
@@ -82,6 +85,49 @@ def test_what_is_called_often_is_optimised_meanwhile_and_loaded_so_from_then_on(
     assert run(system).x.tobytes() == found.x.tobytes()
     again = objects.Code(codes[0]._text, codes[0]._build)
     assert again.place("calls") == 0  # it is the optimised code, which counts nothing
+
+
+FORKS = """
+import multiprocessing, time
+import sympy as sp
+from pwsmooth import System, solve
+from pwsmooth.codegen.machine import native, objects
+
+objects.MANY = 10
+emit, t, y, v = objects.emit, *sp.symbols("t y v", real=True)
+
+def emit_slowly(module):
+    machine = objects._machine()  # of LLVM, which is in use meanwhile
+    time.sleep(1 if threads() else 0)
+    return emit(module)
+
+def threads():
+    return any(thread.is_alive() for thread in objects._optimising)
+
+def run(c):
+    return solve(System({y: v, v: -c * sp.sin(y) - sp.sign(v) / 5 + sp.cos(t)}, time=t), (0, 20), [0.5, 0.3]).success
+
+if __name__ == "__main__":
+    objects.emit = emit_slowly
+    assert run(sp.Rational(1025, 512)) and threads()
+    with multiprocessing.get_context("fork").Pool(1) as pool:
+        assert not threads()
+        print(pool.apply_async(run, [3]).get(timeout=60))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+def test_a_process_that_forks_finishes_its_optimising_first(tmp_path):
+    script = tmp_path / "forks.py"
+    script.write_text(FORKS)
+    environment = os.environ | {"PWSMOOTH_CACHE_DIR": str(tmp_path)}
+    for kernels in cache.kernels().places:  # but the kernels are not compiled anew
+        if kernels.exists():
+            (tmp_path / kernels.name).symlink_to(kernels)
+    done = subprocess.run(
+        [sys.executable, script], env=environment, capture_output=True, text=True, timeout=120
+    )
+    assert done.stdout == "True\n", done.stderr
 
 
 def test_an_interrupt_that_arrives_while_the_calls_are_heard_of_is_not_lost(monkeypatch):

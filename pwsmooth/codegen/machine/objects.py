@@ -21,7 +21,7 @@ import re
 import threading
 from functools import cache
 from pathlib import Path
-from weakref import WeakValueDictionary
+from weakref import WeakSet, WeakValueDictionary
 
 import llvmlite.binding as llvm
 from llvmlite import ir
@@ -235,6 +235,7 @@ class Code:
 # Code that models share; it goes with the last of them.
 _loaded: WeakValueDictionary[tuple[str, tuple[int, ...], tuple[Table, ...]], Code] = WeakValueDictionary()
 _counting: WeakValueDictionary[int, Code] = WeakValueDictionary()  # by where it counts its calls
+_optimising: WeakSet[threading.Thread] = WeakSet()
 _lock = threading.Lock()
 
 
@@ -243,9 +244,24 @@ def _called_often(place: int) -> None:
     """Called by first code, in the midst of a run: what is optimised is so in a thread of its own."""
     try:
         if code := _counting.pop(place, None):
-            threading.Thread(target=code.optimise).start()
+            thread = threading.Thread(target=code.optimise)
+            _optimising.add(thread)
+            thread.start()
     except KeyboardInterrupt:  # it belongs to the run, and would be lost here
         _thread.interrupt_main()
+    except RuntimeError:  # no thread begins while Python ends
+        pass
+
+
+def _finish_optimising() -> None:
+    """A process that forks in the midst of compiling would leave LLVM locked in its child for ever."""
+    for thread in list(_optimising):
+        if thread.is_alive() and thread is not threading.current_thread():
+            thread.join()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(before=_finish_optimising)
 
 
 def load(text: str, build, sizes: tuple[int, ...] = (), tables: tuple[Table, ...] = ()) -> Code:
