@@ -19,6 +19,7 @@ from functools import cache
 from typing import Any
 
 from llvmlite import binding, ir
+from llvmlite.ir import instructions
 
 from ...definition.model import Table
 from . import objects
@@ -125,7 +126,7 @@ class Function:
     def __init__(self, module: Module, node: ast.FunctionDef, function: ir.Function):
         self.module, self.function, self.fuses = module, function, module.fuses
         function.scope = Numbering()
-        self.entry = function.append_basic_block("entry")
+        self.entry = ir.IRBuilder(function.append_basic_block("entry"))
         self.builder = ir.IRBuilder(function.append_basic_block("body"))
         self.locals: dict[str, ir.Value] = {}  # their memory
         self.known: dict[str, ir.Value] = {}  # what they are at this point, where every way to it says the same
@@ -143,16 +144,25 @@ class Function:
                 self.builder.ret_void()
             else:
                 self.builder.ret(INT(0))
-        ir.IRBuilder(self.entry).branch(function.blocks[1])
+        self.entry.branch(function.blocks[1])
         for name, product in self.products:
             product.uses += name in self.loaded
+        # Of locals that are known wherever they are read nothing has to be kept in memory.
+        idle = {id(slot) for name, slot in self.locals.items() if name not in self.loaded}
+        for part in function.blocks:
+            part.instructions = [
+                i
+                for i in part.instructions
+                if id(i) not in idle
+                and not (isinstance(i, instructions.StoreInstr) and id(i.operands[1]) in idle)
+            ]
 
     # ---- locals ----
 
     def store(self, name: str, value: ir.Value) -> None:
         slot = self.locals.get(name)
         if slot is None:
-            slot = self.locals[name] = ir.IRBuilder(self.entry).alloca(value.type, name=name)
+            slot = self.locals[name] = self.entry.alloca(value.type, name=name)
         value = self.known[name] = self.cast(value, slot.type.pointee)
         if isinstance(value, Product):
             value.uses -= 1
@@ -221,7 +231,9 @@ class Function:
             if not self.builder.block.is_terminated:
                 self.builder.branch(after)
                 ends.append(self.known)
-        self.known = {name: v for name, v in before.items() if all(end.get(name) is v for end in ends)}
+        for end in ends:
+            before = {name: value for name, value in before.items() if end.get(name) is value}
+        self.known = before
         self.builder.position_at_end(after)
 
     def For(self, node):
@@ -230,7 +242,7 @@ class Function:
         step = step[0] if step else INT(1)
         test, body, after = (self.function.append_basic_block(name) for name in ("test", "loop", "done"))
         # The counter is its own, so that the body may change the variable, as in Python.
-        counter = ir.IRBuilder(self.entry).alloca(INT)
+        counter = self.entry.alloca(INT)
         self.builder.store(first, counter)
         self.builder.branch(test)
         changed = _assigned([node])
