@@ -165,7 +165,6 @@ class Function:
             slot = self.locals[name] = self.entry.alloca(value.type, name=name)
         value = self.known[name] = self.cast(value, slot.type.pointee)
         if isinstance(value, Product):
-            value.uses -= 1
             self.products.append((name, value))
         self.builder.store(value, slot)
 
@@ -193,6 +192,8 @@ class Function:
 
     def Assign(self, node):
         value = self.expression(node.value)
+        if isinstance(value, Product) and all(isinstance(target, ast.Name) for target in node.targets):
+            value.uses -= 1  # to give it a name is no use
         for target in node.targets:
             self.assign(target, value)
 
@@ -309,7 +310,7 @@ class Function:
         return self.arithmetic(FLOAT_OPS[kind], a, b)
 
     def arithmetic(self, name: str, a: ir.Value, b: ir.Value) -> ir.Value:
-        """Of numbers, or of vectors of them."""
+        """A sum, difference, product or quotient of numbers, or of vectors of them."""
         if not self.fuses or name == "fdiv":
             return getattr(self.builder, name)(a, b)
         if name != "fmul" and (_is_zero(a) or _is_zero(b)):  # which sign a zero has is nobody's matter

@@ -2,8 +2,8 @@
 
 A model is compiled twice at most. Its first code takes LLVM a sixth of the time and runs 1.3 to 1.9 times as long: most
 models are called so seldom that this is the end of it. One that was called MANY times is optimised meanwhile, in a
-thread of its own; from then on each call goes to the better code, and a later process loads that at once. Both round
-alike, as nothing in an LLVM module of ours leaves a choice of rounding: when the other takes over changes no bit.
+thread of its own; from then on each call goes to the better code, and a later process loads that at once. Our LLVM
+modules leave no choice of rounding to the degree of optimisation: when the other takes over changes no bit.
 
 Chain: native.py, vectors.py -> LLVM module -> object code (this file) -> cache.py; numba's own goes through `link` too.
 """
