@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 # Matrices are small here. A second thread of BLAS waits for the first one, spinning, on the core of the other worker:
-# scipy's exponential of a 2 x 2 matrix takes 10 ms then. Read when scipy loads its BLAS, here and in other processes.
+# scipy's exponential of a 2 x 2 matrix takes 10 ms then. Read when BLAS is loaded: the workers of xdist inherit it.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("MKL_NUM_THREADS", "1")
 

@@ -63,10 +63,13 @@ def test_quadratic_terms_count_in_the_flips_normal_form():
 
 def test_a_torus_begins_at_either_strong_resonance():
     # Henon's map with the determinant -b = 1, from a = -1 (resonance 1:1) to a = 3 (1:2).
-    orbit = map_in_two({x: 1 - a * x**2 + u, u: b * x}, {x: 0.6, u: 0.2}, (0.1, 0.3))
-    ranges = {a: (-3, 5), b: (-1.5, 0.6)}
-    flips = follow_curve(only(follow(orbit, a, to=0.6), "flip"), ranges)
-    folds = follow_curve(only(follow(orbit, a, to=-0.3, most=60), "fold"), ranges)
+    update, ranges = {x: 1 - a * x**2 + u, u: b * x}, {a: (-2, 4), b: (-1.1, -0.8)}
+    near = (
+        map_in_two(update, {x: 0.36, u: -0.32}, (2.5, -0.9)),
+        map_in_two(update, {x: 0.63, u: -0.57}, (-0.5, -0.9)),
+    )
+    flips = follow_curve(only(follow(near[0], a, to=2.9), "flip"), ranges)
+    folds = follow_curve(only(follow(near[1], a, to=-0.95), "fold"), ranges)
     for curve, back in ((flips, "flip"), (folds, "fold")):
         (double,) = curve.points
         assert double.begins == ("torus",)
@@ -139,14 +142,21 @@ def test_folds_of_orbits_with_one_impact_in_several_periods_begin_there(grazing,
     assert middle.map.count == m and [kind for _, kind, _ in middle.word] == ["impact"]
 
 
-def test_each_of_two_curves_of_the_friction_oscillator_leads_to_the_other():
+@pytest.fixture(scope="module")
+def slaved():
+    """(system, ranges, curve of symmetry breaking) of the friction oscillator with a slaved hidden term."""
     from friction_oscillator import hidden, z
 
-    slaved, ranges = hidden().layered({z: sp.oo}), {"rho": (0, 6), "sigma": (1, 6)}
-    broken = follow_curve(only(follow(symmetric(slaved), "sigma", to=3.4), "symmetry breaking"), ranges)
+    system, ranges = hidden().layered({z: sp.oo}), {"rho": (0, 6), "sigma": (1, 6)}
+    first = only(follow(symmetric(system), "sigma", to=3.4), "symmetry breaking")
+    return system, ranges, follow_curve(first, ranges)
+
+
+def test_each_of_two_curves_of_the_friction_oscillator_leads_to_the_other(slaved):
+    system, ranges, broken = slaved
     (one,) = broken.of_kind("symmetry breaking + crossing-sliding")
     crossed = follow_curve(one, ranges)
-    (other,) = follow_curve(only(follow(symmetric(slaved), "rho", to=0.3), "crossing-sliding"), ranges).points
+    (other,) = follow_curve(only(follow(symmetric(system), "rho", to=0.3), "crossing-sliding"), ranges).points
     assert crossed.kind == "crossing-sliding" and np.ptp(crossed.values[1, crossed.values[0] < 0.5]) < ON_CURVE
     back = follow_curve(other, ranges)
     assert back.kind == "symmetry breaking"
@@ -154,11 +164,8 @@ def test_each_of_two_curves_of_the_friction_oscillator_leads_to_the_other():
     assert list(end.values.values()) == pytest.approx(list(one.values.values()), abs=2e-9)
 
 
-def test_asymmetric_orbits_of_the_friction_oscillator_fold_from_a_degenerate_symmetry_breaking_on():
-    from friction_oscillator import hidden, z
-
-    slaved, ranges = hidden().layered({z: sp.oo}), {"rho": (0, 6), "sigma": (1, 6)}
-    broken = follow_curve(only(follow(symmetric(slaved), "sigma", to=3.4), "symmetry breaking"), ranges)
+def test_asymmetric_orbits_of_the_friction_oscillator_fold_from_a_degenerate_symmetry_breaking_on(slaved):
+    _, ranges, broken = slaved
     (point,) = broken.of_kind("degenerate symmetry breaking")
     folds = follow_curve(point, ranges)
     assert len(folds.orbits) > 5

@@ -55,8 +55,8 @@ def test_smooth_curves_go_on_beside_a_multiplier_of_1e11(update, start, values, 
 
 def test_strong_resonances_are_found_beside_a_multiplier_of_1e11():
     # The determinant of Henon's map is -b: 4 a = 3 (1 - b)^2 meets it at a = 3, and the test function is its own.
-    orbit = mapped({x: 1 - a * x**2 + u, u: b * x}, {x: 0.6, u: 0.2}, (0.1, 0.3))
-    flips = follow_curve(follow(orbit, a, to=0.6).of_kind("flip")[0], {a: (-3, 5), b: (-1.5, 0.6)})
+    orbit = mapped({x: 1 - a * x**2 + u, u: b * x}, {x: 0.36, u: -0.32}, (2.5, -0.9))
+    flips = follow_curve(follow(orbit, a, to=2.9).of_kind("flip")[0], {a: (2, 4), b: (-1.1, -0.8)})
     (double,) = flips.points
     assert double.name == "1:2 resonance" and list(double.values.values()) == pytest.approx([3, -1], abs=1e-8)
 
@@ -135,7 +135,7 @@ def test_folds_from_impact_to_impact_go_over_to_segments_where_deviations_grow()
     phase = at * 1.4 / 2 / math.pi
     orbit = find_orbit(system, {x: 1 - 1e-12, u: -0.8 * speed, y: 0}, period=2 * sp.pi / w, phase=phase + 1e-9)
     fold = follow(orbit, A, to=0.2).of_kind("fold")[0]
-    curve = follow_curve(fold, {w: (1.02, 1.8), A: (0, 10)})
+    curve = follow_curve(fold, {w: (1.3, 1.45), A: (0, 10)})
     cut = [one.segments is not None for one in curve.orbits]
     assert any(cut) and not all(cut)
     assert max(abs(p - fold_amplitude(q)) for q, p in curve.values.T) < ON_CURVE

@@ -17,6 +17,7 @@ from pwsmooth.laws.friction import Contensou, Coulomb, LimitEllipsoid, RollingRe
 from pwsmooth.laws.friction.spinning import factors
 
 x, y, turn, u, v, spin = sp.symbols("x y turn u v spin", real=True)
+I, push_x, push_y, push_turn = sp.symbols("I push_x push_y push_turn", real=True)
 
 
 @pytest.mark.parametrize(("shape", "exact", "error"), [("disc", of_a_disc, 2e-12), ("ring", of_a_ring, 3e-8)])
@@ -33,17 +34,18 @@ def test_force_and_moment_are_the_elliptic_integrals(shape, exact, error):
 
 
 @functools.cache
-def spinning(law, inertia):
-    """A body of mass 1, F_c = R = 1, on its contact."""
+def spinning(law):
+    """A body of mass 1 and inertia I, F_c = R = 1, on its contact, which a force and a moment push."""
     contact = law.attach(velocity=(u, v, spin))
     F_x, F_y, M = contact.force
-    rates = {x: u, y: v, turn: spin, u: -F_x, v: -F_y, spin: -M / inertia}
-    return System(rates, parameters=contact.parameters)
+    rates = {x: u, y: v, turn: spin, u: push_x - F_x, v: push_y - F_y, spin: (push_turn - M) / I}
+    return System(rates, parameters={I: 0.5, push_x: 0, push_y: 0, push_turn: 0} | contact.parameters)
 
 
 def thrown(law, inertia, speed, rate, **options):
     start = dict.fromkeys((x, y, turn), 0.0) | {u: 0.6 * speed, v: 0.8 * speed, spin: rate}
-    run = solve(spinning(law, inertia), (0, 8), start, rtol=1e-12, dense_output=True, **options)
+    given = {"rtol": 1e-12, "dense_output": True, "parameters": {I: inertia}} | options
+    run = solve(spinning(law), (0, 8), start, **given)
     (stop,) = run.event_times("stick")
     return run, stop
 
@@ -111,7 +113,7 @@ def test_a_tilted_ring_moves_as_the_points_of_its_rim_push_it(tilt, rate, end):
     law = Contensou(shape="ring", tilt=tilt)
     start = [0, 0, 0, 0.6, 0.8, rate]
     told = solve_ivp(rates, (0, end), start, method="DOP853", rtol=1e-11, atol=1e-13)
-    run = solve(spinning(law, inertia), (0, end), start, rtol=1e-12)
+    run = solve(spinning(law), (0, end), start, rtol=1e-12, parameters={I: inertia})
     assert run.x[:, -1] == pytest.approx(told.y[:, -1], abs=1e-11)
 
 
@@ -147,15 +149,11 @@ def test_a_pure_slide_and_a_pure_spin_are_coulombs():
 
 def test_a_force_and_a_moment_within_the_limit_surface_hold_it():
     """On the surface at u = 1 force and moment are 8/(3 pi) and 8/(9 pi): 0.99 of both hold, 1.01 do not."""
-    contact = Contensou().attach(velocity=(u, v, spin))
-    F_x, F_y, M = contact.force
-    level = sp.Symbol("level", positive=True)
     force, moment = of_a_disc(1.0)
-    system = System({u: level * force * 0.6 - F_x, v: level * force * 0.8 - F_y, spin: 2 * (level * moment - M)},
-                    parameters={level: 1, **contact.parameters})  # fmt: skip
     for share, holds in ((0.99, True), (1.01, False)):
-        run = solve(system, (0, 1), dict.fromkeys((u, v, spin), 0.0), parameters={level: share})
-        assert (not run.x[:, -1].any()) == holds
+        push = {push_x: share * force * 0.6, push_y: share * force * 0.8, push_turn: share * moment}
+        run = solve(spinning(Contensou()), (0, 1), [0.0] * 6, parameters=push)
+        assert (not run.x[3:, -1].any()) == holds
 
 
 def test_three_components_stop_after_the_closed_form():
