@@ -599,3 +599,23 @@ def test_times_outside_the_span_and_unknown_names():
     with pytest.raises(ValueError, match="dense"):
         d(0.5, "friction")
     assert "rho" in repr(d) and d(0.5, "y").shape == (1,)
+
+
+@pytest.mark.parametrize("rests", ["guarded", "clipped"])
+@pytest.mark.parametrize("fall", [1, sp.Rational(7, 3)])
+def test_a_state_that_leaves_its_bound_as_the_input_jumps_has_forgotten_how_it_came_to_it(rests, fall):
+    """z falls to 0, rests there until t = 1 and then grows as a (t - 1): dz/da = t - 1, dz/dz0 = 0."""
+    rate = sp.Piecewise((-fall, t < 1), (a, True))
+    clipped = sp.Piecewise((rate, z > 0), (sp.Max(rate, 0), True))
+    guarded = sp.Piecewise((0, sp.And(z <= 0, rate < 0)), (rate, True))
+    system = System({z: guarded if rests == "guarded" else clipped}, time=t, parameters={a: 2})
+    run = solve(system, (0, 1.5), {z: 0.3}, with_respect_to=[a, "z"])
+    assert run.x[0, -1] == pytest.approx(1, abs=1e-12)
+    assert run.derivatives.end[0] == pytest.approx([0.5, 0], abs=1e-12)
+
+
+def test_a_start_at_rest_on_a_surface_that_others_begin_beside_has_no_derivative_by_that_start():
+    """x' = 0 for x > 0 until t = 1, then x' = a + sign(x): from beside 0 it would go on otherwise."""
+    system = System({x: sp.Piecewise((0, t < 1), (a / 2 + sp.sign(x), True))}, time=t, parameters={a: 1})
+    with pytest.raises(NoDerivative):
+        solve(system, (0, 2), {x: 0.0}, with_respect_to=["x"]).derivatives.end  # noqa: B018

@@ -314,6 +314,8 @@ def meet_surface(P, V, i):
     out, time = V.other_dt, V.columns
     size = _change(P, V, i, H_X, out)
     speed = out[time]
+    if size == 0.0 and _is_zero(V, out):
+        return  # the run rests on it, as all beside it do: what else happens at this instant says when it leaves
     if not _is_crossed(P, V, i, speed, size):
         V.why = GRAZES
         V.cause = i
@@ -321,6 +323,31 @@ def meet_surface(P, V, i):
     for block in range(0, time, 8):
         store8(out, block, load8(out, block) * (-1.0 / speed))
     _take(P, V, out, i)
+    if V.cause == i:
+        _stand_on_state(P, V, i)
+
+
+@kernel
+def _is_zero(V, out):
+    for c in range(V.columns):
+        if out[c] != 0.0:
+            return False
+    return True
+
+
+@kernel
+def _stand_on_state(P, V, i):
+    """A surface that is one state: at its zero that state does not deviate, not by a rounding either."""
+    alone = -1
+    for e in range(V.entries_point.shape[0]):
+        kind = V.entries_point[e, 0]
+        if V.entries_point[e, 1] == i and H_X <= kind <= H_T:
+            if kind != H_X or alone >= 0:
+                return
+            alone = V.entries_point[e, 2]
+    if alone >= 0:
+        for block in range(0, V.columns, 8):
+            store8(V.event[alone], block, splat8(0.0))
 
 
 @kernel
