@@ -21,7 +21,7 @@ import numpy as np
 from ...door import checks
 from ..maps.scales import units_at
 from .equilibrium import Equilibrium, made
-from .modes import autonomous, beside_exact, fits, modes, same, set_ending_at, without_idle
+from .modes import SAME, autonomous, beside_exact, fits, modes, same, set_ending_at, without_idle
 from .statics import MOST_NEWTON, RANK, ROUNDING, Sides, Statics, beyond, free_directions, newton
 
 __all__ = ["equilibria", "find_equilibrium"]
@@ -133,10 +133,15 @@ def _of_mode(
         taken += count
         u, errors, steps = newton(statics, u)
         new = False
+        near = 0.1 * SAME * (statics.unit + np.abs(u))
+        looked: list[int] = []
         for k in np.flatnonzero(np.isfinite(errors)):
             x = u[k, :n]
             if np.any((x < low - slack) | (x > high + slack)):
                 continue
+            if np.any(np.all(np.abs(u[looked] - u[k]) <= near[k], axis=1)):
+                continue  # most starts lead to a point that is there already
+            looked.append(k)
             e = made(statics, u[k], errors[k], steps[k], system)
             if not fits(system, e.x) or (e.virtual and not virtual):
                 continue
