@@ -8,8 +8,9 @@
 
 Surfaces equal up to a constant factor are one switch. A product surface, sign(x*y), is taken factor by factor:
 its zero set has a corner that no single multiplier describes. An inner switch inside an outer surface is a
-part of that surface. Inside the branch of a Piecewise the condition that chose it holds, so that the cases
-x > 0, x < 0 of one surface become one selection. Products of lifted functions stay as written.
+part of that surface; where a sign jumps with an inner one that may be held, as that of x + sign x, it is one of each
+side: Select(lambda, sign(x + 1), sign(x - 1)). Inside the branch of a Piecewise the condition that chose it holds, so
+that the cases x > 0, x < 0 of one surface become one selection. Products of lifted functions stay as written.
 Chain: primitives.py -> lifting (here) -> lowering.py -> system.py.
 """
 
@@ -42,6 +43,8 @@ _BY_FLOOR: dict[type, Callable[..., sp.Expr]] = {
     sp.frac: lambda floor, u: u - floor(u),
     sp.Mod: lambda floor, u, period: u - period * floor(u / period),
 }
+JUMPING = (sp.sign, sp.Heaviside, sp.Piecewise, Select, *_BY_FLOOR)
+_MOST_INSIDE = 3  # switches with which a surface jumps and whose sides are told apart: eight surfaces
 _ROUNDING = 2e-15  # of what a sum's terms add up to in size
 _UNSUPPORTED = (sp.DiracDelta, sp.re, sp.im, sp.conjugate, sp.arg)
 
@@ -52,11 +55,12 @@ class Lifting:
     `dynamic` symbols make a surface move: time, states, unknowns and reactions. Memories and parameters do not, so that
     conditions on them stay `Piecewise`. `user_switches` come first: their names win over those of lifted functions.
     `stand_ins` says what stands for symbols that are expressions, as those of drives. Two switches of a user's on one
-    surface are one, unless the field is nonlinear in one (`bent`), as laws of static friction are.
+    surface are one, unless the field is nonlinear in one (`bent`), as laws of static friction are. The rates of
+    `jumping` symbols may jump, so that the motion may be held where surfaces of these are 0.
     """
 
-    def __init__(self, dynamic, user_switches=(), stand_ins=None, bent=()):
-        self.dynamic = frozenset(dynamic)
+    def __init__(self, dynamic, user_switches=(), stand_ins=None, bent=(), jumping=()):
+        self.dynamic, self._jumping = frozenset(dynamic), frozenset(jumping)
         self.switches: dict[sp.Symbol, sp.Expr] = {}  # multiplier -> lifted surface, the inner ones first
         self.notation: dict[sp.Symbol, Switch] = {}  # multiplier -> its switch as the user would write it
         self.discs: dict[Disc, LiftedDisc] = {}
@@ -247,7 +251,7 @@ class Lifting:
         )
 
     def _sign(self, h, sides):
-        factors = self._factors(h)
+        factors = None if h.free_symbols & self.dynamic and self._inside(h) else self._factors(h)
         if factors is None:
             return self._choose(h, _const(sp.S.One), _const(-sp.S.One), sides, at_zero=_const(sp.S.Zero))
         result = sp.S.One
@@ -295,7 +299,7 @@ class Lifting:
 
     def _kink(self, h, above, below, sides):
         """above if h > 0 else below, where both agree on h = 0."""
-        result = self._choose(h, _const(above), _const(below), sides)
+        result = self._choose(h, _const(above), _const(below), sides, jumps=False)
         self._kinks.update(result.atoms(Select))
         return result
 
@@ -467,17 +471,18 @@ class Lifting:
 
     # ---- surfaces
 
-    def _choose(self, h, above, below, sides, at_zero=None):
-        """above(sides) where h > 0, below(sides) where h < 0; `at_zero` for what is 0 and stays there."""
+    def _choose(self, h, above, below, sides, at_zero=None, jumps=True):
+        """above(sides) where h > 0, below(sides) where h < 0; `at_zero` for what is 0 and stays there. Without `jumps`
+        both agree where h = 0."""
         meant = None if at_zero is None else (at_zero is above) - (at_zero is below)
         if h.is_number:
             return (above if h > 0 else below if h < 0 else at_zero or below)(sides)
-        inner = sorted((s for s in h.free_symbols if s in self.switches), key=lambda s: s.name)
-        if inner and not h.free_symbols & self.dynamic and not self._at_instant:
-            # sign(x) > 0 and the like: one of finitely many values.
-            lam = inner[0]
+        lam = self._inside(h, jumps)
+        if lam is not None:
             above_, below_ = (
-                self._choose(h.xreplace({lam: sp.Integer(side)}), above, below, sides | {lam: side}, at_zero)
+                self._choose(
+                    h.xreplace({lam: sp.Integer(side)}), above, below, sides | {lam: side}, at_zero, jumps
+                )
                 for side in ((sides[lam],) * 2 if lam in sides else (1, -1))
             )
             return Select(lam, above_, below_)
@@ -487,6 +492,29 @@ class Lifting:
         sign, surfaces = factors
         self._note_at_zero(sign, surfaces, meant)
         return self._by_factors(sign, surfaces, above, below, at_zero, sides)
+
+    def _inside(self, h, jumps=True):
+        """A switch whose sides are to be told apart before those of h: with which h takes one of finitely many values,
+        as that of sign(x) > 0, or, for what `jumps` with h, jumps where it may be held. None if there is none."""
+        inner = sorted((s for s in h.free_symbols if s in self.switches), key=lambda s: s.name)
+        if not inner or self._at_instant:
+            return None
+        if not h.free_symbols & self.dynamic:
+            return inner[0]
+        if not jumps:
+            return None
+        found = [lam for lam in inner if lam not in self._given and self._jumps(h, lam)]
+        return found[0] if 0 < len(found) <= _MOST_INSIDE else None
+
+    def _jumps(self, h, lam):
+        """Whether h jumps on the surface of a switch, of a symbol whose rate may jump."""
+        surface = self.switches[lam]
+        difference = h.xreplace({lam: sp.S.One}) - h.xreplace({lam: sp.S.NegativeOne})
+        for x in sorted(surface.free_symbols & self._jumping, key=lambda s: s.name):
+            slope = surface.diff(x)
+            if not slope.free_symbols & (self.dynamic | self.switches.keys()) and slope != 0:
+                return difference.xreplace({x: sp.expand(x - surface / slope)}).expand() != 0
+        return False
 
     def _pointwise(self, h, above, below, at_zero, sides):
         """`_choose` by the value of h alone."""

@@ -29,6 +29,7 @@ from .regularity import (
     residual_of,
     second_derivative,
     total_derivative,
+    without_unknowns,
 )
 from .singular import watched
 
@@ -197,6 +198,8 @@ def multipliers(field):
         if pattern not in classes:
             classes[pattern] = classify(field, index, residual)
         regularity, hidden = classes[pattern]
+        if regularity == "crossing" and residual == h:  # of unknowns that lambda does not move, but their rates
+            h, residual, regularity, hidden = _by_rates(field, index)
         second = second_derivative(field, index, residual) if regularity == "crossing" else None
         at_zero = field.at_zero.get(lam) if regularity != "sliding" and second is None else None
         result.append(
@@ -213,6 +216,20 @@ def multipliers(field):
         result.append(Multiplier(R, "contact", residual, gap, impact=impact))
     result += [Multiplier(a, "algebraic", residual) for a, residual in field.algebraic]
     return tuple(result)
+
+
+def _by_rates(field, index):
+    """(surface, residual, class, hidden) of a switch of unknowns: by states alone where it may hold them so."""
+    lam, h = field.switches[index]
+    surface = without_unknowns(field, h)
+    if surface is not None and lam not in surface.free_symbols:
+        switches = (*field.switches[:index], (lam, surface), *field.switches[index + 1 :])
+        explicit = replace(field, switches=switches)
+        residual = residual_of(explicit, index)
+        regularity, hidden = classify(explicit, index, residual)
+        if regularity == "sliding":
+            return surface, residual, regularity, hidden
+    return h, h, "crossing", False
 
 
 def _of_disc(field, disc):

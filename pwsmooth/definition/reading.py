@@ -13,7 +13,7 @@ from ..door import checks
 from . import drives
 from .controls import Control
 from .families.expansion import Expansion
-from .lifting import Lifting, plain
+from .lifting import JUMPING, Lifting, plain
 from .lowering import Field
 from .mobilities import with_mobilities
 from .model import Beside, EventSpec, of_event
@@ -101,7 +101,9 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled,
     stand_ins = {u: value for u, (value, *_) in (*pieces.items(), *controls.items())}
     given = [s for s in symbols if isinstance(s, Switch)]
     bent = [s for s in given if any(e.diff(s, 2) != 0 for _, e in pairs)]
-    lift = Lifting(moving, given, stand_ins, bent)
+    jumps = {*unknowns, *given}
+    jumping = [x for x, (_, e) in zip(states, pairs, strict=True) if jumps & e.free_symbols or e.has(*JUMPING)]
+    lift = Lifting(moving, given, stand_ins, bent, [*unknowns, *jumping])
     inside = dict(zip(unknowns, (item.residual for item in algebraic), strict=True))
     said = [(e, *(inside[s] for s in e.free_symbols if s in inside)) for _, e in pairs]
     lift.take_directions([(x, sp.Tuple(*es)) for x, es in zip(states, said, strict=True)])

@@ -262,6 +262,33 @@ def residual_of(field, index):
     return total_derivative(h, field.time, field.states, field.rates)
 
 
+def without_unknowns(field, h):
+    """A surface of time and states alone with the sign of h, in which unknowns stand; None where none is found.
+
+    The unknown of  r(a) = 0  is  a - r/r'  where r is affine. Else, with  h = c (a - b)  affine, the sign is that of
+    -c r' r(b),  for r is monotone.
+    """
+    equations = dict(field.algebraic)
+    for _ in equations:
+        among = sorted(equations.keys() & h.free_symbols, key=lambda a: a.name)
+        if not among:
+            break
+        a, r = among[0], equations[among[0]]
+        slope, c = r.diff(a), h.diff(a)
+        if slope.is_number and slope != 0:
+            h = h.xreplace({a: sp.expand(a - r / slope)})
+        elif c.is_number and c != 0:
+            points = [{s: draw(s, k) for s in slope.free_symbols} for k in range(POINTS)]
+            signs = {math.copysign(1.0, size) for p in points if not math.isnan(size := value(slope, p))}
+            if len(signs) != 1:
+                return None
+            h = -sp.sign(c) * int(signs.pop()) * r.xreplace({a: sp.expand(a - h / c)})
+        else:
+            return None
+    unknowns = {*equations, *(R for R, *_ in field.contacts)}
+    return None if unknowns & h.free_symbols else h
+
+
 def second_derivative(field, index, speed):
     """d2h/dt2 of a crossing where its multiplier can hold it at 0; None where that is not so or not told.
 
@@ -389,4 +416,5 @@ class Response:
         if len(self.equations) != len(self.unknowns) or not np.isfinite(J).all() or not np.isfinite(b).all():
             return None
         way, _, rank, _ = np.linalg.lstsq(J, -b)
-        return way if rank == len(way) else None
+        # What is nothing but rounding beside the others does not move.
+        return np.where(np.abs(way) > ROUNDING * np.abs(way).max(), way, 0.0) if rank == len(way) else None

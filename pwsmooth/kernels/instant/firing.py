@@ -374,10 +374,12 @@ def sides_after_jump(P, S, R, W):
 @kernel
 def _side_after_jump(P, S, R, W, j):
     """Switch j is off its surface, or met; returns whether it has taken another side."""
-    instant = W.instant
-    if instant.hit[j] and W.h[j] == W.firing.switch_level[j]:
+    instant, unmoved = W.instant, W.h[j] == W.firing.switch_level[j]
+    if instant.hit[j] and unmoved:
         return False  # the jump has not moved it: it is met, within the tolerance of the series that say so
     on = is_at_rest(P, S, j, W) if P.kind[j] == DISC else abs(W.h[j]) <= surface_rounding(P, S, j, W)
+    if unmoved and not on and abs(S.status[j]) == 1:
+        return False  # it may have crossed at this instant, within that tolerance
     if on:
         if S.status[j] == HELD and P.kind[j] != SECOND_ORDER:
             return False

@@ -96,7 +96,6 @@ from .surface_rates import (
     approach_speed,
     arc_ahead,
     evaluate_surfaces,
-    leading_order,
     note_rests_along,
     order_at_rest,
     order_of_leaving,
@@ -253,7 +252,7 @@ def _look_at_arcs(P, C, S, W, j):
 def _is_flat(P, C, S, W, j):
     """Whether surface j is 0 and stays there, as that of Max(1 - t, 0) from t = 1 on."""
     evaluate_surfaces(P, S, W)
-    return W.h[j] == 0.0 and abs(leading_order(P, C, S, W, j)) == 4
+    return W.h[j] == 0.0 and order_at_rest(P, C, S, W, j)[1]
 
 
 @kernel

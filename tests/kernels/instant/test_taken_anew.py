@@ -201,3 +201,28 @@ def test_what_another_switch_is_on_average_beside_a_slide_is_recorded(method):
     system = System({x: -sp.sign(x) / 2 - sp.Rational(1, 4), z: sp.sign(sp.sin(x))})
     run = solve(system, (0, 3), {x: 0.75, z: 0}, method=method)
     assert [a.kind for a in run.ambiguities] == ["multipliers not unique"]
+
+
+@METHODS
+def test_an_update_leaves_the_switch_that_has_just_crossed_on_its_new_side(method):
+    # sign x carries the surface of the event through 0 at t = 3/8, and is a rounding beyond its own; then at x = 5/4.
+    carried = Event(-x / 2 - 3 / 8 + Switch("lam", 2 * x), update={y: y - 1 / 4}, name="carried")
+    system = System({x: 2, y: x - 1}, events=[carried], algebraic=[Algebraic(a, a + a**3 / 4 + y / 2 + 3 / 4)])
+    run = solve(system, (0, 2), {x: -0.75, y: 0.75}, method=method)
+    np.testing.assert_allclose(run.event_times(switch="carried"), [3 / 8, 1], atol=1e-9)
+    assert run.success and run["y"][-1] == pytest.approx(0.75, abs=1e-9)
+
+
+# ---- signs that jump with a sign inside
+
+
+@METHODS
+@pytest.mark.parametrize("start", [-0.6, 0.6])
+@pytest.mark.parametrize("inside", [x + sp.sign(x), y / 4 + sp.Heaviside(x) - 0.5, a / 4 + sp.sign(a)])
+def test_a_sign_holds_the_motion_by_the_signs_that_jump_with_it(inside, start, method):
+    # Above x = 0 the outer sign is 1, below it is -1: as x' = -(sign x)/2 + 1/8, which stays at 0 after 1.6 and 0.96.
+    system = System({x: sp.Rational(1, 8) - sp.sign(inside) / 2, y: -y}, algebraic=[Algebraic(a, a - x)])
+    run = solve(system, (0, 3), {x: start, y: 0.2}, method=method)
+    assert run.success and not len(run.ambiguities)
+    arrival = run.t[np.flatnonzero(np.abs(run["x"]) < 1e-12)[0]]
+    assert run["x"][-1] == 0 and arrival == pytest.approx(0.6 / (0.625 if start < 0 else 0.375), abs=1e-9)

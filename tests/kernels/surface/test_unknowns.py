@@ -46,3 +46,41 @@ def test_one_root_is_not_reported():
     run = solve(rest, (0, 5), {x: 3})
     assert run.success and not len(run.ambiguities)
     assert np.abs(run["a"] + np.abs(run["a"] - run["x"]) / 2 - 1).max() < 1e-12
+
+
+@METHODS
+def test_a_condition_on_an_unknown_is_crossed_where_the_unknown_passes(method):
+    """a follows x, which meets 3/4 + (3/4)^3/4 at x - 1/2 = 91/256; twice as fast from there on."""
+    jump = sp.Piecewise((1, a > sp.Rational(3, 4)), (0, True))
+    passed = System({x: 1 + jump}, algebraic=[Algebraic(a, a + a**3 / 4 - x)])
+    run = solve(passed, (0, 2), {x: 0.5}, method=method)
+    met = 91 / 256
+    assert run.success and run["x"][-1] == pytest.approx(0.5 + met + 2 * (2 - met), abs=1e-8)
+
+
+# x' = 1/2 - c, so that x is held where a is 3/4; what a follows, and x there.
+SLIDES = pytest.mark.parametrize(
+    ("equation", "held"), [(a - x, 0.75), (a + a**3 / 4 - x, 219 / 256), (2 * a + v - x, 1.5)]
+)
+
+
+@METHODS
+@SLIDES
+def test_a_switch_of_an_unknown_holds_the_states_that_the_unknown_follows(equation, held, method):
+    jump = sp.Piecewise((1, a > sp.Rational(3, 4)), (0, True))
+    held_so = System({x: sp.Rational(1, 2) - jump, v: 0}, algebraic=[Algebraic(a, equation)])
+    run = solve(held_so, (0, 3), {x: 0.5, v: 0}, method=method)
+    assert run.success and run["x"][-1] == pytest.approx(held, abs=1e-9)
+    assert run["a"][-1] == pytest.approx(0.75, abs=1e-9)
+
+
+@pytest.mark.parametrize(("m", "at", "shift", "start"), [(0.73, 0.08, -0.4, -0.15), (-0.73, 0.44, 0.05, -0.38)])
+def test_a_switch_of_an_unknown_beside_coupled_ones_is_that_written_by_hand(m, at, shift, start):
+    """a stands in one of two coupled equations and follows v alone; how the others move is no rounding of a."""
+    mass = sp.Matrix([[2, m], [m, 2]])
+    force = sp.Matrix([a / 2 - x, 1 - sp.sign(x + a / 2 - at)])
+    pulled, unknown = {v: sp.cos(3 * t) - v}, [Algebraic(a, a - v - shift)]
+    coupled = System(pulled, time=t, mass_matrix=mass, forcing=dict(zip((x, k), force)), algebraic=unknown)
+    by_hand = System({**pulled, **dict(zip((x, k), (mass.inv() * force).subs(a, v + shift)))}, time=t)
+    one, other = (solve(system, (0, 3), {v: 1, x: start, k: 0}) for system in (coupled, by_hand))
+    assert one.success and one.x[:, -1] == pytest.approx(other.x[:, -1], abs=1e-8)
