@@ -218,6 +218,31 @@ def multipliers(field):
     return tuple(result)
 
 
+def lowered_for(field, values, models):
+    """The `Model` of a field in which those switches can hold the motion that can at these `values` of the parameters;
+    None where these are those of the field as it is. `models` keeps what was found.
+
+    Of  x < a and x < b  the smaller threshold holds, which the values alone may tell.
+    """
+    if "may" not in models:
+        here = _holding(field)
+        models["here"], models["may"] = here, _holding(replace(field, typical=())) - here
+    if not models["may"]:
+        return None
+    there = replace(field, typical=values)
+    holding = _holding(there)
+    if holding <= models["here"]:
+        return None
+    if holding not in models:
+        models[holding] = lower(there)
+    return models[holding]
+
+
+def _holding(field):
+    """The switches that can hold the motion."""
+    return frozenset(m.symbol for m in multipliers(field) if m.kind == "switch" and m.may_be_solved)
+
+
 def _by_rates(field, index):
     """(surface, residual, class, hidden) of a switch of unknowns: by states alone where it may hold them so."""
     lam, h = field.switches[index]

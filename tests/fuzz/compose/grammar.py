@@ -171,9 +171,12 @@ class _Draw:
     def affine(self, leaves=None, depth=0):
         """c q + d r - offset, on which a run may start."""
         leaves = leaves or self.leaves
-        parts = [mul(num(self.pick((1, 1, -1, 0.5, 2))), self.pick(leaves))]
+        c, leaf = self.pick((1, 1, -1, 0.5, 2)), self.pick(leaves)
+        parts = [mul(num(c), leaf)]
         if self.r.random() < 0.4:
-            parts.append(mul(num(self.pick((1, -0.5, 0.5))), self.pick(leaves)))
+            d, other = self.pick((1, -0.5, 0.5)), self.pick(leaves)
+            if leaf != other or c + d:  # else a constant is left
+                parts.append(mul(num(d), other))
         if depth < 2 and self.has["nested"] and self.r.random() < 0.4:
             parts.append(mul(num(self.pick((0.5, -0.25, 1))), self.switch(depth=depth + 1)))
             self.model.pieces.add("nested")
