@@ -31,7 +31,7 @@ from .definition.families.expansion import spread
 from .definition.families.many import MANY, Numbers, Symbols, carried
 from .definition.functions import check_start, read_functions
 from .definition.lifting import plain
-from .definition.lowering import lower, lowered_for
+from .definition.lowering import ModelsByValues, lower
 from .definition.mechanics import arguments_of, mechanism
 from .definition.notation import named_rows, rate_of, solved_for_rates, time_of, without_impulses
 from .definition.primitives import Disc
@@ -198,6 +198,8 @@ class System(DescribedSystem):
         self._check_values()
         self._notes: tuple[str, ...] = ()
         self._cache: dict = {}  # of views: their fields and models; what their initial states are read by
+        if not self._element:
+            self._cache["by values"] = ModelsByValues(self._field, self.model)
 
     @classmethod
     @checks.door(("events", "algebraic", "drives"))
@@ -443,8 +445,8 @@ class System(DescribedSystem):
         return start
 
     def with_parameters(self, parameters):
-        """The same view with other values of some parameters; nothing is derived or compiled anew, but where these values
-        let another switch hold the motion.
+        """The same view with other values of some parameters; nothing is derived or compiled anew, but where they let
+        another switch hold the motion.
 
         Parameters
         ----------
@@ -475,11 +477,8 @@ class System(DescribedSystem):
             p = by_name.get(key) or checks.lookup(key, self.parameters, "`parameters`", "parameter")
             other.parameters[p] = checks.parameter_value(p, number)
         other._check_values()
-        if self._view is None and self._element is None:
-            models = self._cache.setdefault("by values", {})
-            field = other._field
-            found = lowered_for(field, tuple(other.parameters[p] for p in field.parameters), models)
-            other.model = found or models.setdefault("declared", self.model)
+        if self.model in (models := self._cache.get("by values", ())):
+            other.model = models.at(other.parameters)
         return other
 
     def _extended(self, rates, outputs):

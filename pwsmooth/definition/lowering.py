@@ -33,6 +33,8 @@ from .regularity import (
 )
 from .singular import watched
 
+_MOST_BY_VALUES = 64  # switches of a field that are classed anew at other values of parameters
+
 
 @dataclass(frozen=True)
 class Field:
@@ -218,24 +220,30 @@ def multipliers(field):
     return tuple(result)
 
 
-def lowered_for(field, values, models):
-    """The `Model` of a field in which those switches can hold the motion that can at these `values` of the parameters;
-    None where these are those of the field as it is. `models` keeps what was found.
+class ModelsByValues:
+    """The models of a field by values of its parameters: those switches can hold the motion that can at these values.
 
-    Of  x < a and x < b  the smaller threshold holds, which the values alone may tell.
+    Of  x < a and x < b  the smaller threshold holds, which the values tell. `model` is that of the field as it is.
     """
-    if "may" not in models:
-        here = _holding(field)
-        models["here"], models["may"] = here, _holding(replace(field, typical=())) - here
-    if not models["may"]:
-        return None
-    there = replace(field, typical=values)
-    holding = _holding(there)
-    if holding <= models["here"]:
-        return None
-    if holding not in models:
-        models[holding] = lower(there)
-    return models[holding]
+
+    def __init__(self, field, model):
+        self._field, self._models, self._may = field, {None: model}, None
+
+    def __contains__(self, model):
+        return any(model is other for other in self._models.values())
+
+    def at(self, parameters):
+        """The model in which switches can hold that can at these values, or that of the field if it lets them."""
+        if self._may is None:
+            here = self._here = _holding(self._field)
+            many = len(self._field.switches) > _MOST_BY_VALUES
+            self._may = not many and not _holding(replace(self._field, typical=())) <= here
+        there = replace(self._field, typical=tuple(parameters[p] for p in self._field.parameters))
+        if not self._may or (holding := _holding(there)) <= self._here:
+            return self._models[None]
+        if holding not in self._models:
+            self._models[holding] = lower(there)
+        return self._models[holding]
 
 
 def _holding(field):

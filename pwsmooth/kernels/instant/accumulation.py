@@ -44,7 +44,7 @@ from ..step.recording import record_ambiguity, record_event
 from ..surface.sliding import INSIDE, is_at_rest, keep_on_surface, surface_rounding, surface_size
 from .discs import settle_disc
 from .settling import close_contact, settle_at_rest
-from .surface_rates import approach_speed, stop_normal_speed
+from .surface_rates import approach_speed, stays_at_zero, stop_normal_speed
 
 AT_ONCE = 1e-13  # instants closer than this (relative to the time) are one instant
 # Where motions are fast beside the time: closer than this part of a step, or than the rounding of the time.
@@ -232,8 +232,9 @@ def pass_accumulation(P, C, S, R, W):
             closed = close_contact(P, S, j, W)
             record_event(S, R, j, EV_CLOSED if closed else EV_OPENING, 1, S.status[j])
         elif P.kind[j] == CROSSING or P.kind[j] == KINK:
-            S.status[j] = HELD
-            S.mult[j] = 0.0
+            if len(P.contact) == 0 or not stays_at_zero(P, S, R, j):
+                S.status[j] = HELD
+                S.mult[j] = 0.0
             held += 1
         else:
             if P.kind[j] == SECOND_ORDER:

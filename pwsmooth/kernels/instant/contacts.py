@@ -184,6 +184,22 @@ def cross_without_load(P, S, R, W, size):
 
 
 @kernel
+def _is_pushed(P, S, W, j):
+    """Whether the updates of this instant have changed the acceleration of gap j."""
+    if P.ne == 0 or W.instant.jumped == 0:
+        return False
+    evaluate_surfaces(P, S, W)
+    after = W.g[j]
+    for k in range(P.n):
+        W.instant.x[k], S.x[k] = S.x[k], W.firing.arrived[k]
+    evaluate_surfaces(P, S, W)
+    before = W.g[j]
+    for k in range(P.n):
+        S.x[k] = W.instant.x[k]
+    return after != before
+
+
+@kernel
 def _settle_forces(P, S, R, W, size):
     """Closes and opens the touching contacts that neither approach nor part; whether some forces do that: a code."""
     contacts = W.contacts
@@ -194,7 +210,7 @@ def _settle_forces(P, S, R, W, size):
         j = contacts.touching[a]
         was_closed[a] = 1.0 if S.status[j] == SOLVED else 0.0
         # Of one that has just been left smoothly the acceleration is 0, and rounding says nothing of its sign.
-        smooth = S.status[j] != SOLVED and S.deflate[j] == 3
+        smooth = S.status[j] != SOLVED and S.deflate[j] == 3 and not _is_pushed(P, S, W, j)
         resting[a] = 1 if abs(contacts.speed[a]) <= contacts.at_rest[a] and not smooth else 0
         if resting[a] and S.deflate[j] == PRESSING:
             S.status[j] = SOLVED

@@ -30,7 +30,7 @@ from ..state import (
 from ..step.recording import put_on_tape, record_ambiguity, record_event
 from ..surface.sliding import follow, is_at_rest, mask_instant, surface_rounding, surface_speed
 from .accumulation import at_once_within, events_accumulate
-from .surface_rates import any_kind, evaluate_surfaces
+from .surface_rates import any_kind, approach_speed, evaluate_surfaces
 
 _MOST_INSIDE = 1e-9  # of the states and their way: what one may be moved by
 _TICK = 1e-15  # of the time: its rounding
@@ -183,7 +183,8 @@ def carried_along(P, S, W):
         speed = surface_speed(P, W, j)
         within = surface_rounding(P, S, j, W) + max(W.firing.slack[i], _moment(S, W) * abs(speed))
         if abs(W.h[j]) <= within:
-            if speed * S.side[i] > 0.0 and S.deflate[j] == 0:
+            rests = abs(approach_speed(P, S, j, W)) <= W.instant.rest_speed
+            if S.deflate[j] == 0 and (speed * S.side[i] > 0.0 or rests):
                 S.deflate[j] = 1  # it was met, rested there, and is left
             continue
         if abs(W.h[j] - W.instant.stood[j]) <= within:

@@ -458,16 +458,17 @@ def _follow_up(P, C, S, R, W):
 
 @kernel
 def _sides_of_events(P, C, S, W):
-    """After x has jumped: an event surface on which it still stands is left to where the motion goes on."""
-    for i in range(P.ne):
-        if W.instant.hit[P.m + i] and S.deflate[P.m + i] != 0:
-            if P.nested[P.m + i] != 0:
-                way = float(order_of_leaving(P, C, S, W, P.m + i))  # unknowns in it move as well
-            else:
-                way = approach_speed(P, S, P.m + i, W)
-                way = way if abs(way) > W.instant.rest_speed else 0.0
+    """After a jump, or where a contact lets go: surfaces of events that x stands on are left as the motion goes on."""
+    for i in range(P.m, P.m + P.ne):
+        if S.deflate[i] != 0 and P.watch[i - P.m] == 0:
+            way = approach_speed(P, S, i, W)
+            if (
+                P.nested[i] != 0 or abs(way) <= W.instant.rest_speed
+            ):  # unknowns in it move as well; or it rested
+                order = order_of_leaving(P, C, S, W, i)
+                S.deflate[i], way = max(S.deflate[i], abs(order)), float(order)
             if way != 0.0:
-                S.side[i] = 1 if way > 0.0 else -1
+                S.side[i - P.m] = 1 if way > 0.0 else -1
 
 
 @kernel
@@ -600,7 +601,7 @@ def at_instant(P, C, S, R, W):
         return code
     if len(P.contact) > 0:
         stop_closed(P, S, W)
-    if jumped:
+    if jumped or (len(P.contact) > 0 and P.ne > 0 and S.events > events_before):
         _sides_of_events(P, C, S, W)
     if S.events > events_before:
         record_point(P, S, R)

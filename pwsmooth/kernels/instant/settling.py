@@ -44,6 +44,9 @@ from .holding import (
 from .surface_rates import FAINT, any_is, evaluate_surfaces, look_ahead, look_back, order_of_leaving, residual
 
 _SAME = 1e-9  # of lambda: by less a slide is at its bound
+_SLIGHT = (
+    1e-6  # of lambda: what the rounding of an instant makes of it, as where impacts have come to their limit
+)
 _NUDGE = 1e-3  # of lambda, to see what room a hidden term has
 # Of lambda: so near to its fold a hidden term is held, which takes some 1e-10 of its force; the pair knows it less.
 _INSIDE, _INSIDE_OF_PAIR = 1e-5, 1e-4
@@ -358,6 +361,21 @@ def _with_those_held(P, S, W, size):
 
 
 @kernel
+def _follow_slightly(P, S, W):
+    """Solves for what slides where that is no more than the rounding of an instant away: its root has not jumped."""
+    mask_solved(P, S, W)
+    for j in range(P.m):
+        W.instant.mult[j] = S.mult[j]
+    near = follow(P, S, W)
+    for j in range(P.m):
+        if W.mask[j] and P.kind[j] == SLIDING:
+            moved = abs(S.mult[j] - W.instant.mult[j])
+            near = near and moved <= _SLIGHT and abs(S.mult[j]) <= 1.0 + _SAME
+    for j in range(0 if near else P.m):
+        S.mult[j] = W.instant.mult[j]
+
+
+@kernel
 def resettle(P, C, S, R, W):
     """Sliding switches whose residual has jumped follow the layer flow from where they are, coupled ones together.
 
@@ -366,6 +384,7 @@ def resettle(P, C, S, R, W):
     instant = W.instant
     if mask_instant(P, S, W) and not (solve_unknowns(P, S, W) if instant.jumped else follow(P, S, W)):
         return Outcome.NO_ROOT
+    _follow_slightly(P, S, W)
     known = False  # W.g is that of the present multipliers: usually one evaluation serves all switches
     for j in range(P.m):
         if (S.status[j] != SOLVED and S.status[j] != HELD) or P.kind[j] != SLIDING:

@@ -130,6 +130,27 @@ def test_a_surface_on_which_the_motion_has_rested_is_left_without_firing():
             assert run["x"][-1] == pytest.approx(65.25, abs=1e-8)
 
 
+def test_a_velocity_that_a_contact_has_held_leaves_0_without_firing():
+    # It falls through 0 with the impact and rests; the table lets go at t = 1, as the load 1 - t changes its sign.
+    bell = Event(v, update={n: n + 1, y: y + 3 / 10}, name="bell")
+    for start, e in (({q: 0, v: 0, y: 0}, 0), ({q: 0.1, v: 0, y: 0}, 0)):
+        table = Unilateral(q, restitution=e)
+        system = System({q: v, v: t - 1 - y + table.reaction, y: 0}, time=t, events=[bell])
+        run = solve(system, (0, 3), start)
+        assert run.success and run["n"][-1] == 0 and run["q"][-1] == pytest.approx(4 / 3, abs=1e-9)
+
+
+def test_an_update_that_presses_a_body_down_as_its_table_lets_it_go_keeps_it_there():
+    # At t = 1 the load has gone, and the stroke there puts it back; it goes at t = 1.3.
+    stroke = Event(at=[1], update={y: y + 3 / 10})
+    for held in (q, 2 * q):
+        system = System(
+            {q: v, v: t - 1 - y + Unilateral(held, restitution=0).reaction, y: 0}, time=t, events=[stroke]
+        )
+        run = solve(system, (0, 3), {q: 0, v: 0, y: 0})
+        assert run.success and run["q"].min() >= 0 and run["q"][-1] == pytest.approx(1.7**3 / 6, abs=1e-9)
+
+
 # ---- after a switch
 
 
@@ -226,3 +247,13 @@ def test_a_sign_holds_the_motion_by_the_signs_that_jump_with_it(inside, start, m
     assert run.success and not len(run.ambiguities)
     arrival = run.t[np.flatnonzero(np.abs(run["x"]) < 1e-12)[0]]
     assert run["x"][-1] == 0 and arrival == pytest.approx(0.6 / (0.625 if start < 0 else 0.375), abs=1e-9)
+
+
+@pytest.mark.parametrize("level", [2.0, 0.25])
+def test_a_condition_holds_the_motion_at_the_values_of_the_run_whatever_the_declared_ones_are(level):
+    # Of x < 1 and x < c the smaller level holds; declared is c = 2, where x < c changes nothing.
+    filling = sp.Piecewise((1, sp.And(x < 1, x < c)), (0, True))
+    tank = System({x: filling - sp.Rational(1, 2)}, parameters={c: 2})
+    run = solve(tank, (0, 4), {x: 0}, parameters={c: level})
+    assert run.success and run["x"][-1] == pytest.approx(min(level, 1), abs=1e-12)
+    assert solve(tank, (0, 4), {x: 0})["x"][-1] == 1
