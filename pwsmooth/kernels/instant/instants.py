@@ -458,7 +458,7 @@ def _follow_up(P, C, S, R, W):
 
 @kernel
 def _sides_of_events(P, C, S, W):
-    """After a jump, or where a contact lets go: surfaces of events that x stands on are left as the motion goes on."""
+    """After a jump, or where something lets go: surfaces of events that x stands on are left as the motion goes on."""
     for i in range(P.m, P.m + P.ne):
         if S.deflate[i] != 0 and P.watch[i - P.m] == 0:
             way = approach_speed(P, S, i, W)
@@ -566,6 +566,8 @@ def at_instant(P, C, S, R, W):
     if only >= 0:
         code = cross_stick_or_leave(P, S, R, W, only)
         if code != NOTHING and (code != GO_ON or not is_passed(S, only)):
+            if P.ne > 0:
+                _sides_of_events(P, C, S, W)
             record_point(P, S, R)
             return code
         if code == NOTHING:
@@ -601,7 +603,7 @@ def at_instant(P, C, S, R, W):
         return code
     if len(P.contact) > 0:
         stop_closed(P, S, W)
-    if jumped or (len(P.contact) > 0 and P.ne > 0 and S.events > events_before):
+    if P.ne > 0 and (jumped or S.events > events_before):
         _sides_of_events(P, C, S, W)
     if S.events > events_before:
         record_point(P, S, R)

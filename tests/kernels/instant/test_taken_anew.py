@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Algebraic, Event, Memory, Switch, System, Unilateral, solve
+from pwsmooth import Algebraic, Disc, Event, Memory, Switch, System, Unilateral, solve
 
 t, x, y, v, a, c, w, q = sp.symbols("t x y v a c w q", real=True)
 n, m, s, pause = (Memory(name, 0) for name in ("n", "m", "s", "pause"))
@@ -138,6 +138,19 @@ def test_a_velocity_that_a_contact_has_held_leaves_0_without_firing():
         system = System({q: v, v: t - 1 - y + table.reaction, y: 0}, time=t, events=[bell])
         run = solve(system, (0, 3), start)
         assert run.success and run["n"][-1] == 0 and run["q"][-1] == pytest.approx(4 / 3, abs=1e-9)
+
+
+@pytest.mark.parametrize(("level", "start"), [(0.3, 0.9), (0.7, 1.1)])
+def test_a_surface_on_which_friction_has_held_the_motion_is_left_without_firing(level, start):
+    # v falls to its level, where the bell rings, sticks, and goes on falling as the pull sinks; a slip is beside.
+    bell = Event(v / 2 - q, direction=-1, update={n: n + 1}, name="bell")
+    slip = Disc("slip", (y - 1 / 4, v))
+    pull = 3 / 2 - 20 * t / 13 + sp.sin(t) / 5
+    rates = {v: pull - sp.sign(v - c) - slip[1] / 5, y: sp.sin(3 * t) / 2 - slip[0] / 5}
+    slider = System(rates, time=t, events=[bell], parameters={c: 1, q: 1})
+    run = solve(slider, (0, 3), {v: start, y: 0.5}, parameters={c: level, q: level / 2})
+    assert run.success and run["n"][-1] == 1 and run["v"][-1] < level
+    assert [e.kind for e in run.events if e.switch == "sgn(c - v)"] == ["stick", "slip by tangency"]
 
 
 def test_an_update_that_presses_a_body_down_as_its_table_lets_it_go_keeps_it_there():
