@@ -21,7 +21,6 @@ from pwsmooth.codegen import compile_model
 from pwsmooth.codegen.graph.scalar import HELPERS
 from pwsmooth.codegen.machine import cache, native, objects
 from pwsmooth.codegen.stiff.functions import compile_stiff
-from pwsmooth.codegen.taylor.jets import SOLVERS
 from pwsmooth.definition.model import Model
 from pwsmooth.paths.problem import compiled_problem
 
@@ -161,7 +160,7 @@ def test_the_solver_of_sliding_jets_solves(n):
     rng = np.random.default_rng(n)
     A, b = rng.normal(size=(n, n)), rng.normal(size=n)
     A[0, 0] = 0.0 if n > 1 else A[0, 0]
-    text = SOLVERS["lu_factor"] + SOLVERS["lu_solve"]
+    text = HELPERS["lu_factor"] + HELPERS["lu_solve"]
     text += "\n\ndef f(rows: P, n: I) -> I:\n    code = lu_factor(rows, 0, n)\n"
     text += "    lu_solve(rows, 0, n)\n    return code\n"
     rows = np.concatenate([A.ravel(), np.zeros(n), b])

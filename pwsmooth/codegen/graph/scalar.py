@@ -24,6 +24,49 @@ def heaviside(u: D) -> D:
 def mod(u: D, v: D) -> D:
     return u - v * math.floor(u / v)
 """,
+    "lu_factor": """
+def lu_factor(rows: P, a: I, n: I) -> I:
+    # in place, numbers of the pivot rows after the matrix; 1 where singular
+    for c in range(n):
+        best = c
+        for r in range(c + 1, n):
+            if abs(rows[a + r * n + c]) > abs(rows[a + best * n + c]):
+                best = r
+        rows[a + n * n + c] = best
+        for i in range(n):
+            other = rows[a + c * n + i]
+            rows[a + c * n + i] = rows[a + best * n + i]
+            rows[a + best * n + i] = other
+        pivot = rows[a + c * n + c]
+        if not abs(pivot) > 0.0:
+            return 1
+        for r in range(c + 1, n):
+            f = rows[a + r * n + c] / pivot
+            rows[a + r * n + c] = f
+            for i in range(c + 1, n):
+                before = abs(rows[a + r * n + i])
+                rows[a + r * n + i] -= f * rows[a + c * n + i]
+                if abs(rows[a + r * n + i]) <= 4e-15 * before:
+                    rows[a + r * n + i] = 0.0  # as solve_dense in kernels/surface/sparse.py
+    return 0
+""",
+    "lu_solve": """
+def lu_solve(rows: P, a: I, n: I):
+    # right-hand side and solution stand after the pivot numbers
+    b = a + n * n + n
+    for c in range(n):
+        best = b + int(rows[a + n * n + c])
+        other = rows[b + c]
+        rows[b + c] = rows[best]
+        rows[best] = other
+    for r in range(n):
+        for i in range(r):
+            rows[b + r] -= rows[a + r * n + i] * rows[b + i]
+    for r in range(n - 1, -1, -1):
+        for i in range(r + 1, n):
+            rows[b + r] -= rows[a + r * n + i] * rows[b + i]
+        rows[b + r] /= rows[a + r * n + r]
+""",
 }
 
 
