@@ -115,10 +115,10 @@ def test_compiling_is_no_part_of_a_run(method, monkeypatch):
     watch, build = Watch(monkeypatch), native.build
     compiled = []
 
-    def slow(text):
+    def slow(text, first):
         watch.seconds += 60
         compiled.append(text)
-        return build(text)
+        return build(text, first)
 
     monkeypatch.setattr(native, "build", slow)
     number = sp.Rational(time.time_ns() % 10**9, 10**10)  # of no run before

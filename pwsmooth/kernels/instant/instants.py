@@ -457,16 +457,27 @@ def _follow_up(P, C, S, R, W):
 
 
 @kernel
-def _sides_of_events(P, C, S, W):
-    """After a jump, or where something lets go: surfaces of events that x stands on are left as the motion goes on."""
+def _number_held(P, S):
+    """How many contacts and switches hold the motion."""
+    held = 0
+    for j in range(P.m):
+        held += S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC
+    return held
+
+
+@kernel
+def _sides_of_events(P, C, S, W, freed):
+    """After a jump, or where something that held the motion has `freed` it: surfaces of events that x stands on are
+    left as the motion goes on. All of them if it was held there; else those that were met."""
     for i in range(P.m, P.m + P.ne):
-        if S.deflate[i] != 0 and P.watch[i - P.m] == 0:
+        if S.deflate[i] != 0 and P.watch[i - P.m] == 0 and (freed or W.instant.hit[i]):
             way = approach_speed(P, S, i, W)
-            if (
-                P.nested[i] != 0 or abs(way) <= W.instant.rest_speed
-            ):  # unknowns in it move as well; or it rested
+            rests = abs(way) <= W.instant.rest_speed
+            if P.nested[i] != 0 or (rests and freed):  # unknowns in it move as well; or it rested
                 order = order_of_leaving(P, C, S, W, i)
                 S.deflate[i], way = max(S.deflate[i], abs(order)), float(order)
+            elif rests:
+                continue
             if way != 0.0:
                 S.side[i - P.m] = 1 if way > 0.0 else -1
 
@@ -554,7 +565,7 @@ def at_instant(P, C, S, R, W):
         put_causes_on_tape(P, C, S, R, W)
     record_point(P, S, R)
     S.stalled = S.stalled + 1 if elapsed <= UNTOLD * time_size(S) else 0
-    events_before = S.events
+    events_before, held = S.events, _number_held(P, S)
     endless = S.stalled > MOST_AT_ONCE
     if endless or (len(P.contact) > 1 and collapses(P, S, W)):
         # Derivatives do not go through what is told as one instant.
@@ -566,8 +577,8 @@ def at_instant(P, C, S, R, W):
     if only >= 0:
         code = cross_stick_or_leave(P, S, R, W, only)
         if code != NOTHING and (code != GO_ON or not is_passed(S, only)):
-            if P.ne > 0:
-                _sides_of_events(P, C, S, W)
+            if P.ne > 0 and _number_held(P, S) < held:
+                _sides_of_events(P, C, S, W, True)
             record_point(P, S, R)
             return code
         if code == NOTHING:
@@ -603,8 +614,9 @@ def at_instant(P, C, S, R, W):
         return code
     if len(P.contact) > 0:
         stop_closed(P, S, W)
-    if P.ne > 0 and (jumped or S.events > events_before):
-        _sides_of_events(P, C, S, W)
+    freed = _number_held(P, S) < held
+    if P.ne > 0 and (jumped or freed):
+        _sides_of_events(P, C, S, W, freed)
     if S.events > events_before:
         record_point(P, S, R)
     if C.strict and S.ambiguities > 0:
