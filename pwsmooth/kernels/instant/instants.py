@@ -42,9 +42,9 @@ from ..state import (
 from ..step.finer import SWITCHING, follow_arcs, follow_as_asked
 from ..step.meeting import orders_at_rest, rested_on
 from ..step.recording import put_causes_on_tape, record_ambiguity, record_event, record_point
-from ..step.singular import has_branch_point
+from ..step.singular import POLE, has_branch_point
 from ..surface.layer import LEAVE_FOLD
-from ..surface.sliding import INSIDE, keep_on_surface, surface_rounding, surface_tolerance
+from ..surface.sliding import INSIDE, keep_on_surface, surface_rounding, surface_speed, surface_tolerance
 from ..surface.sparse import link
 from ..surface.vector import begins
 from ..work import Work
@@ -457,6 +457,17 @@ def _follow_up(P, C, S, R, W):
 
 
 @kernel
+def _enter_domains(P, S, W):
+    """A state of which a root is taken, and which is below 0 but comes up to it at this very instant, is 0."""
+    evaluate_surfaces(P, S, W)
+    for i in range(P.ne):
+        j, k = P.m + i, P.watch_state[i]
+        if P.watch[i] > POLE and k >= 0 and W.h[j] < 0.0:
+            if -W.h[j] <= AT_ONCE * time_size(S) * surface_speed(P, W, j):
+                S.x[k] = 0.0
+
+
+@kernel
 def _number_held(P, S):
     """How many contacts and switches hold the motion."""
     held = 0
@@ -573,6 +584,8 @@ def at_instant(P, C, S, R, W):
             S.stalled = 0
         elif endless:
             return Outcome.NO_ROOT if _unknowns_turn(P, W) else Outcome.CHATTERING
+    if P.watches != 0:
+        _enter_domains(P, S, W)
     only = only_one(P, S, W) if fold < 0 and instant.at_clock == 0 else -1
     if only >= 0:
         code = cross_stick_or_leave(P, S, R, W, only)
