@@ -268,17 +268,18 @@ def _rests_at_zero(P, S, R, j):
 
 @kernel
 def _note_those_inside(P, S, W):
-    """Overwrites instant.stood of the switches; whether one is met in whose surface others stand that are met, too."""
-    nested, others = False, False
+    """Overwrites instant.stood of switches; whether one is met in whose surface another may stand that is met too."""
+    nested, met = False, 0
     for j in range(P.m):
         if W.instant.hit[j] and P.kind[j] < DISC:
             nested = nested or P.nested[j] != 0
-            others = others or P.nested[j] == 0
-    if nested and others:
+            met += 1
+    inside = nested and met > 1
+    if inside:
         evaluate_surfaces(P, S, W)
         for j in range(P.m):
             W.instant.stood[j] = W.h[j]
-    return nested and others
+    return inside
 
 
 @kernel
@@ -299,7 +300,7 @@ def _settle_switches(P, C, S, R, W):
     for j in range(m):
         if not instant.hit[j] or P.kind[j] >= DISC or status[j] == HELD:
             continue
-        if inside and P.nested[j] != 0 and abs(status[j]) == 1:
+        if inside and P.nested[j] != 0:
             leave_what_jumps(P, S, W)
             if not instant.hit[j]:
                 continue  # it has jumped with a switch that stands in it: its side is taken with those of all such
@@ -468,12 +469,12 @@ def _enter_domains(P, S, W):
 
 
 @kernel
-def _number_held(P, S):
-    """How many contacts and switches hold the motion."""
-    held = 0
+def _is_freed(P, S, W):
+    """Whether a contact or switch that held the motion before this instant has let it go."""
     for j in range(P.m):
-        held += S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC
-    return held
+        if W.instant.came[j] == SOLVED and S.status[j] != SOLVED and P.kind[j] != ALGEBRAIC:
+            return True
+    return False
 
 
 @kernel
@@ -537,6 +538,8 @@ def _note_what_is_met(P, C, S, W):
             S.x[P.surface_state[j]] = 0.0
         elif instant.hit[j] and status[j] != SOLVED and P.kind[j] < DISC and P.step_unit != 0:
             step_inside(P, S, j, W)  # the last state of this side: on the other one its field may not exist
+    if P.watches != 0:
+        _enter_domains(P, S, W)
 
 
 @kernel
@@ -576,7 +579,7 @@ def at_instant(P, C, S, R, W):
         put_causes_on_tape(P, C, S, R, W)
     record_point(P, S, R)
     S.stalled = S.stalled + 1 if elapsed <= UNTOLD * time_size(S) else 0
-    events_before, held = S.events, _number_held(P, S)
+    events_before = S.events
     endless = S.stalled > MOST_AT_ONCE
     if endless or (len(P.contact) > 1 and collapses(P, S, W)):
         # Derivatives do not go through what is told as one instant.
@@ -584,13 +587,11 @@ def at_instant(P, C, S, R, W):
             S.stalled = 0
         elif endless:
             return Outcome.NO_ROOT if _unknowns_turn(P, W) else Outcome.CHATTERING
-    if P.watches != 0:
-        _enter_domains(P, S, W)
     only = only_one(P, S, W) if fold < 0 and instant.at_clock == 0 else -1
     if only >= 0:
         code = cross_stick_or_leave(P, S, R, W, only)
         if code != NOTHING and (code != GO_ON or not is_passed(S, only)):
-            if P.ne > 0 and _number_held(P, S) < held:
+            if P.ne > 0 and _is_freed(P, S, W):
                 _sides_of_events(P, C, S, W, True)
             record_point(P, S, R)
             return code
@@ -627,7 +628,7 @@ def at_instant(P, C, S, R, W):
         return code
     if len(P.contact) > 0:
         stop_closed(P, S, W)
-    freed = _number_held(P, S) < held
+    freed = _is_freed(P, S, W)
     if P.ne > 0 and (jumped or freed):
         _sides_of_events(P, C, S, W, freed)
     if S.events > events_before:

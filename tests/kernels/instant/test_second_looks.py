@@ -197,3 +197,18 @@ def test_a_condition_that_comes_to_its_border_just_where_it_jumps_off_is_not_met
             System({x: below, y: rate}, algebraic=unknown), (0, 2), {x: 0.8, y: -0.5 * rate}, method=method
         )
         assert run["x"][-1] == 0.8
+
+
+@METHODS
+def test_a_slide_whose_surface_jumps_with_a_stair_of_an_unknown_ends_on_the_side_it_finds_itself_on(method):
+    # y slides on a tooth of the saw, whose place is a stair of a. The end is that of an integration piece by piece.
+    follows = abs(x + sp.Rational(1, 4)) / 2 + abs(abs(x / 2 - sp.S.Half) / 2 - sp.Rational(3, 2)) - x
+    saw = sp.Mod(2 * y + sp.floor(sp.S.Half - 2 * a) / 4 + sp.S.Half, sp.Rational(3, 4))
+    rates = {
+        x: a / 2 - x / 2 + 0.75 * sp.sin(t + 0.75) - abs(2 * a + abs(x - 0.75) + 0.75) + 0.5,
+        y: saw / 2 - x / 2 - y / 2 - 0.375,
+    }
+    system = System(rates, time=t, algebraic=[Algebraic(a, a - follows)])
+    run = solve(system, (0, 1.155094037751384), {x: -0.25, y: -0.25}, method=method)
+    assert run["x"][-1] == pytest.approx(-19.049425, abs=1e-6)
+    assert run["y"][-1] == pytest.approx(2.373302, abs=1e-6)
