@@ -109,12 +109,8 @@ class _Map:
             hash(options)
         except TypeError:
             options = id(self.options)
-        key = (
-            id(system.model),
-            options,
-            self.scale,
-            dense,
-        )  # the model and the options are kept along with the run
+        # The model and the options are kept along with the run.
+        key = id(system.model), options, self.scale, dense
         if key not in self._inner:
             run = behind_the_door(system, dense_output=dense, **self._tight(system))
             self._inner[key] = run, system.model, self.options

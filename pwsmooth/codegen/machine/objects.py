@@ -204,11 +204,12 @@ class Code:
         self._text, self._build, self._sizes, self._tables = text, build, sizes, tables
         self._names = [function.partition("(")[0] for function in functions]
         self._optimised: llvm.ExecutionEngine | None = None
-        self._engine = self._loaded(_image(text, build, first=not (sizes or self.constants.get("SIZES"))))
+        self._engine = self._linked(_image(text, build, first=not (sizes or self.constants.get("SIZES"))))
         if calls := self.place("calls"):
             _counting[calls] = self
 
-    def _loaded(self, image: bytes) -> llvm.ExecutionEngine:
+    def _linked(self, image: bytes) -> llvm.ExecutionEngine:
+        """An engine with this copy's sizes and tables."""
         engine = link(image)
         for f, n in enumerate(self._sizes):
             ctypes.c_int64.from_address(engine.get_global_value_address(f"n{f}")).value = n
@@ -219,7 +220,7 @@ class Code:
 
     def optimise(self) -> None:
         """From here on calls go to optimised code."""
-        engine = self._optimised = self._loaded(_make(self._text, self._build, first=False))
+        engine = self._optimised = self._linked(_make(self._text, self._build, first=False))
         for name in self._names:
             if place := self.place(f"{name}_now"):
                 ctypes.c_void_p.from_address(place).value = engine.get_function_address(name)

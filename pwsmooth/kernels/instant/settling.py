@@ -44,9 +44,7 @@ from .holding import (
 from .surface_rates import FAINT, any_is, evaluate_surfaces, look_ahead, look_back, order_of_leaving, residual
 
 _SAME = 1e-9  # of lambda: by less a slide is at its bound
-_SLIGHT = (
-    1e-6  # of lambda: what the rounding of an instant makes of it, as where impacts have come to their limit
-)
+_SLIGHT = 1e-6  # of lambda: what an instant's rounding makes of it, as where impacts have come to their limit
 _NUDGE = 1e-3  # of lambda, to see what room a hidden term has
 # Of lambda: so near to its fold a hidden term is held, which takes some 1e-10 of its force; the pair knows it less.
 _INSIDE, _INSIDE_OF_PAIR = 1e-5, 1e-4
