@@ -385,8 +385,9 @@ def draw_basins(data):
     from matplotlib.colors import ListedColormap, to_rgb
     from matplotlib.patches import Patch
 
-    fig = new_figure(7.4, 6.6)
-    for ax, b in zip(fig.subplots(2, 2, sharex=True, sharey=True).ravel(), data["basins"]):
+    rows = -(-len(data["basins"]) // 2)
+    fig = new_figure(7.4, 3.3 * rows)
+    for ax, b in zip(fig.subplots(rows, 2, sharex=True, sharey=True).ravel(), data["basins"]):
         names, colours, used = [], [], set()
         for orbit in b["orbits"]:
             label, colour = NAMED[kind(mirrored(orbit["word"]), 1)]
@@ -408,7 +409,7 @@ def draw_basins(data):
             handles=told, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, fontsize=7, handlelength=1
         )
         ax.set_title(f"σ = {b['sigma']:g}, ω = {b['omega']:g}", pad=20)
-    for ax in fig.axes[2:]:
+    for ax in fig.axes[-2:]:
         ax.set_xlabel("start y")
     for ax in fig.axes[::2]:
         ax.set_ylabel("start v")
