@@ -66,7 +66,7 @@ def _is_zero(value: ir.Value) -> bool:
 
 
 class Numbering:
-    """Names of the values in a function, by a count: llvmlite's own way takes three times as long."""
+    """Numbers the values of a function to name them. llvmlite's own way of naming takes three times as long."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -77,7 +77,7 @@ class Numbering:
 
 
 class Written(ir.Function):
-    """A function whose definition is there as LLVM's text."""
+    """A function whose definition is given as LLVM text."""
 
     definition = ""
 
@@ -86,15 +86,15 @@ class Written(ir.Function):
 
 
 class Product(ir.Instruction):
-    """A product that a sum may take into one instruction."""
+    """A product, which may become one fused instruction with a sum."""
 
     uses = 0
 
 
 class Sum(ir.Instruction):
-    """A sum or difference: one fused instruction with a product that only it uses.
+    """A sum or difference. With a product that nothing else uses it becomes one fused instruction.
 
-    So that every degree of optimisation rounds alike, this is written out here and not left to LLVM.
+    We choose this here and do not leave it to LLVM, so that every degree of optimisation rounds alike.
     """
 
     fused: ir.Function
@@ -147,7 +147,7 @@ class Function:
         self.entry.branch(function.blocks[1])
         for name, product in self.products:
             product.uses += name in self.loaded
-        # Of locals that are known wherever they are read nothing has to be kept in memory.
+        # A local that is never loaded from memory needs no memory.
         idle = {id(slot) for name, slot in self.locals.items() if name not in self.loaded}
         for part in function.blocks:
             part.instructions = [
@@ -193,7 +193,7 @@ class Function:
     def Assign(self, node):
         value = self.expression(node.value)
         if isinstance(value, Product) and all(isinstance(target, ast.Name) for target in node.targets):
-            value.uses -= 1  # to give it a name is no use
+            value.uses -= 1  # giving it a name does not use it
         for target in node.targets:
             self.assign(target, value)
 
@@ -313,12 +313,12 @@ class Function:
         """A sum, difference, product or quotient of numbers, or of vectors of them."""
         if not self.fuses or name == "fdiv":
             return getattr(self.builder, name)(a, b)
-        if name != "fmul" and (_is_zero(a) or _is_zero(b)):  # which sign a zero has is nobody's matter
+        if name != "fmul" and (_is_zero(a) or _is_zero(b)):  # the sign of a zero does not matter
             if name == "fsub" and _is_zero(a):
                 return self.builder.fneg(b)
             other = b if _is_zero(a) else a
             if isinstance(other, Product):
-                other.uses -= 1  # whoever takes the sum takes it
+                other.uses -= 1  # counted again where the sum is used
             return other
         made = (Product if name == "fmul" else Sum)(self.builder.block, a.type, name, (a, b))
         if isinstance(made, Sum):
@@ -475,7 +475,7 @@ class Module:
 
 @cache
 def _trigonometry(name: str) -> tuple[ir.Function, str]:
-    """Sine or cosine, and its definition; to translate it in each module would take a tenth of the time of all."""
+    """Sine or cosine and its definition, translated once: in each module anew it would take a tenth of all the time."""
     text = TRIGONOMETRY.format(name=name, odd=0 if name == "sin" else 1, turn=0 if name == "sin" else 1)
     module = Module(f"FUSES = True\n{text}")
     function = module.functions[f"pws_{name}"]

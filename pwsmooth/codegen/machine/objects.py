@@ -1,9 +1,9 @@
 """Object code of this machine: made of an LLVM module, kept, linked and loaded.
 
-A model is compiled twice at most. Its first code takes LLVM a sixth of the time and runs 1.3 to 1.9 times as long: most
-models are called so seldom that this is the end of it. One that was called MANY times is optimised meanwhile, in a
-thread of its own; from then on each call goes to the better code, and a later process loads that at once. Our LLVM
-modules leave no choice of rounding to the degree of optimisation: when the other takes over changes no bit.
+A model is compiled at most twice. LLVM makes the first code in a sixth of the time; it runs 1.3 to 1.9 times as long.
+Most models are called so seldom that it suffices. After MANY calls a thread of its own optimises the code. From then on
+every call goes to the optimised code, and later processes load that at once. Both codes give the same bits: our LLVM
+modules fix every rounding, whatever the degree of optimisation.
 
 Chain: native.py, vectors.py -> LLVM module -> object code (this file) -> cache.py; numba's own goes through `link` too.
 """
@@ -77,7 +77,7 @@ _PASSES = ("sroa", "new_gvn", "instruction_combine", "simplify_cfg")
 
 
 def _count_calls(module: ir.Module, functions: list[ir.Function]) -> None:
-    """Before each function that the kernels call stands one that counts, and goes where its place points to."""
+    """Puts a counter before each function that the kernels call. It goes on to the code that `<name>_now` points to."""
     calls = ir.GlobalVariable(module, INT, "calls")
     calls.initializer = INT(MANY)
     hear = ir.Function(module, ir.FunctionType(ir.VoidType(), [PLACE]), CALLED_OFTEN)
@@ -103,7 +103,7 @@ def _count_calls(module: ir.Module, functions: list[ir.Function]) -> None:
 
 
 def emit(translated: ir.Module) -> bytes:
-    """Object code of an LLVM module for this machine: the first, where the names of its functions end so."""
+    """Object code of an LLVM module for this machine: first code if names of functions end in FIRST, else optimised."""
     if first := [f for f in translated.functions if f.name.endswith(FIRST)]:
         _count_calls(translated, first)
     machine = _machine(0 if first else 3)
@@ -204,6 +204,7 @@ class Code:
         self._text, self._build, self._sizes, self._tables = text, build, sizes, tables
         self._names = [function.partition("(")[0] for function in functions]
         self._optimised: llvm.ExecutionEngine | None = None
+        # A family's loops become vectors, without which they take several times as long: optimised at once.
         self._engine = self._linked(_image(text, build, first=not (sizes or self.constants.get("SIZES"))))
         if calls := self.place("calls"):
             _counting[calls] = self
@@ -219,7 +220,7 @@ class Code:
         return engine
 
     def optimise(self) -> None:
-        """From here on calls go to optimised code."""
+        """Makes the optimised code; calls go to it from then on."""
         engine = self._optimised = self._linked(_make(self._text, self._build, first=False))
         for name in self._names:
             if place := self.place(f"{name}_now"):
@@ -242,20 +243,20 @@ _lock = threading.Lock()
 
 @ctypes.CFUNCTYPE(None, ctypes.c_size_t)
 def _called_often(place: int) -> None:
-    """Called by first code, in the midst of a run: what is optimised is so in a thread of its own."""
+    """Starts the thread that optimises a code. The first code itself calls this, in the midst of a run."""
     try:
         if code := _counting.pop(place, None):
             thread = threading.Thread(target=code.optimise)
             _optimising.add(thread)
             thread.start()
-    except KeyboardInterrupt:  # it belongs to the run, and would be lost here
+    except KeyboardInterrupt:  # meant for the run; an exception here would be lost
         _thread.interrupt_main()
-    except RuntimeError:  # no thread begins while Python ends
+    except RuntimeError:  # Python is shutting down and starts no thread
         pass
 
 
 def _finish_optimising() -> None:
-    """A process that forks in the midst of compiling would leave LLVM locked in its child for ever."""
+    """Waits for the threads that optimise. A fork while they compile would leave LLVM locked in the child for ever."""
     for thread in list(_optimising):
         if thread.is_alive() and thread is not threading.current_thread():
             thread.join()
@@ -284,7 +285,7 @@ def _image(text: str, build, first: bool) -> bytes:
     for one in (False, True) if first else (False,):
         if image := models().read(_file(text, one)):
             return image
-    # A short text takes no time that anybody would want to hear of.
+    # Compiling a short text takes too little time to announce.
     with announced("compiling the functions of a model", after=2) if len(text) > _LONG else preparing():
         return _make(text, build, first)
 

@@ -459,7 +459,7 @@ def _follow_up(P, C, S, R, W):
 
 @kernel
 def _enter_domains(P, S, W):
-    """A state of which a root is taken, and which is below 0 but comes up to it at this very instant, is 0."""
+    """Sets a state under a root to 0 if it is below 0 by a rounding, and passes 0 upwards within this instant."""
     evaluate_surfaces(P, S, W)
     for i in range(P.ne):
         j, k = P.m + i, P.watch_state[i]
@@ -479,8 +479,10 @@ def _is_freed(P, S, W):
 
 @kernel
 def _sides_of_events(P, C, S, W, freed):
-    """After a jump, or where something that held the motion has `freed` it: surfaces of events that x stands on are
-    left as the motion goes on. All of them if it was held there; else those that were met."""
+    """Sets the sides of events on whose surfaces x stands to where the motion goes on, after a jump or a release.
+
+    If what held the motion has `freed` it, these are all such events; else those that were met.
+    """
     for i in range(P.m, P.m + P.ne):
         if S.deflate[i] != 0 and P.watch[i - P.m] == 0 and (freed or W.instant.hit[i]):
             way = approach_speed(P, S, i, W)

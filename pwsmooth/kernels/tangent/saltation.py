@@ -315,7 +315,7 @@ def meet_surface(P, V, i):
     size = _change(P, V, i, H_X, out)
     speed = out[time]
     if size == 0.0 and _is_zero(V, out):
-        return  # the run rests on it, as all beside it do: what else happens at this instant says when it leaves
+        return  # the run and its neighbours rest on it; another cause at this instant says when they leave
     if not _is_crossed(P, V, i, speed, size):
         V.why = GRAZES
         V.cause = i
@@ -337,7 +337,7 @@ def _is_zero(V, out):
 
 @kernel
 def _stand_on_state(P, V, i):
-    """A surface that is one state: at its zero that state does not deviate, not by a rounding either."""
+    """Clears the deviation of a state that is itself the surface: at its zero only rounding is left of it."""
     alone = -1
     for e in range(V.entries_point.shape[0]):
         kind = V.entries_point[e, 0]
