@@ -11,7 +11,7 @@ import numpy as np
 
 from .affine import draw_options
 from .models import Case, Event, Model
-from .oracle import sensitivity
+from .oracle import sensitivity_of_row
 
 TITLE = "impacts and contacts"
 
@@ -138,7 +138,7 @@ def _at(M, start, powers, angle):
 def _possible(M, case):
     """Whether all gaps are open or closed at the start, and the closed ones constrain different motions."""
     D, v = M.tables(case.p, case.w), np.zeros(M.n + 3 + len(M.surfaces) + len(M.gaps))
-    pushes = [[sensitivity(D, D.m + i, v, D.m + k) for k in case.closed] for i in case.closed]
+    pushes = [[sensitivity_of_row(D, D.m + i, v, D.m + k) for k in case.closed] for i in case.closed]
     if case.closed and np.linalg.matrix_rank(pushes) < len(case.closed):
         return False
     for k, gap in enumerate(M.gaps):

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .oracle import Tables, run, value
+from .oracle import Tables, run, value_of_row
 
 # A term: (number, parameter or None, {variable: power}).
 
@@ -238,7 +238,7 @@ def answer(model, case, log_size=0):
     v[model.n : D.N] = np.sin(angle), np.cos(angle), case.t0
     status = np.ones(D.m + D.c, np.int64)
     for j in range(D.m):
-        h = value(D, D.N + j, v)
+        h = value_of_row(D, D.N + j, v)
         status[j] = 0 if j in case.on else (1 if h > 0 else -1)
         v[D.N + j] = status[j]
     for k in case.closed:

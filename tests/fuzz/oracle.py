@@ -12,7 +12,8 @@ every complementary set. What the oracle cannot decide ends its run with a code:
 from collections import namedtuple
 
 import numpy as np
-from numba import njit
+
+from .compiling import inner, whole
 
 # States, multipliers (switches first, then reactions), events; rows of the tables, see models.py.
 Tables = namedtuple("Tables", "N m c e coef row fac var pow direction restitution")
@@ -58,13 +59,9 @@ def _interpolation(points):
 
 
 _AT = _interpolation(_SAMPLES)
-_CACHED = dict(cache=True, error_model="numpy")
-# Never called from Python: no wrappers to compile. Nor is a function compiled twice for a number: `np.int64(-1)`
-# has the type of all of them, -1 one of its own.
-_INNER = dict(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
-@njit(**_CACHED)
+@inner
 def value(D, r, v):
     total = 0.0
     for q in range(D.row[r], D.row[r + 1]):
@@ -75,7 +72,7 @@ def value(D, r, v):
     return total
 
 
-@njit(**_INNER)
+@inner
 def slope(D, r, v, k):
     """Derivative of row r by variable k."""
     total = 0.0
@@ -93,13 +90,13 @@ def slope(D, r, v, k):
     return total
 
 
-@njit(**_INNER)
+@inner
 def surface(D, a):
     """Row of h_j for a switch, of the gap's rate for a contact."""
     return D.N + a if a < D.m else D.N + D.c + a
 
 
-@njit(**_INNER)
+@inner
 def push(D, a, v, F):
     """dh/dt of a switch, d2g/dt2 of a contact, with the rates F."""
     total = 0.0
@@ -109,7 +106,7 @@ def push(D, a, v, F):
     return total
 
 
-@njit(**_CACHED)
+@inner
 def sensitivity(D, a, v, b):
     """Derivative of `push` of a by multiplier b."""
     total = 0.0
@@ -120,7 +117,17 @@ def sensitivity(D, a, v, b):
     return total
 
 
-@njit(**_INNER)
+@whole
+def value_of_row(D, r, v):
+    return value(D, r, v)
+
+
+@whole
+def sensitivity_of_row(D, a, v, b):
+    return sensitivity(D, a, v, b)
+
+
+@inner
 def gauss(J, r, n):
     """Solves J d = r in place, leaving d in r; False if singular."""
     for i in range(n):
@@ -146,13 +153,13 @@ def gauss(J, r, n):
     return True
 
 
-@njit(**_INNER)
+@inner
 def rates(D, v, F):
     for k in range(D.N):
         F[k] = value(D, k, v)
 
 
-@njit(**_INNER)
+@inner
 def solve_multipliers(D, v, act, F):
     """Newton's iteration for push = 0 of the multipliers marked in `act`, into v; F are the rates."""
     which = np.flatnonzero(act)
@@ -180,7 +187,7 @@ def solve_multipliers(D, v, act, F):
     return False
 
 
-@njit(**_INNER)
+@inner
 def picard(D, v, dt, act, Y, L, G):
     """A step of length dt: states at the nodes into Y, multipliers into L. Returns 0 or what failed."""
     N = D.N
@@ -238,7 +245,7 @@ def picard(D, v, dt, act, Y, L, G):
     return 0
 
 
-@njit(**_INNER)
+@inner
 def at(s, Y, out):
     """The step's polynomial at s in [0, 1]."""
     total = 0.0
@@ -254,7 +261,7 @@ def at(s, Y, out):
     out /= total
 
 
-@njit(**_INNER)
+@inner
 def watched(D, v, status, F, side, out):
     """What is watched, positive until it happens: switches, multipliers at bounds, contacts, events."""
     m, c = D.m, D.c
@@ -270,7 +277,7 @@ def watched(D, v, status, F, side, out):
         out[2 * m + c + e] = side[e] * value(D, D.N + m + 2 * c + e, v)
 
 
-@njit(**_INNER)
+@inner
 def look(D, s, Y, L, v, act, status, side, F, out):
     """`watched` at s, with the multipliers solved there."""
     at(s, Y, v[: D.N])
@@ -283,7 +290,7 @@ def look(D, s, Y, L, v, act, status, side, F, out):
     return ok
 
 
-@njit(**_INNER)
+@inner
 def real_roots(a, lo, hi):
     """Real roots in [lo, hi] of sum a[k] z^k: those of a derivative separate those of the one above."""
     n = len(a) - 1
@@ -325,7 +332,7 @@ def real_roots(a, lo, hi):
     return below
 
 
-@njit(**_INNER)
+@inner
 def in_lambda(D, v, j, act, degree=9):
     """Coefficients of push_j as a polynomial in lambda_j, by values at Chebyshev points."""
     others = act.copy()
@@ -347,7 +354,7 @@ def in_lambda(D, v, j, act, degree=9):
     return r
 
 
-@njit(**_INNER)
+@inner
 def one_layer(D, v, j, act, start, beyond=False):
     """lambda_j where the layer of j alone ends: 2 for no root on the way, then it leaves at the returned end.
 
@@ -381,7 +388,7 @@ def one_layer(D, v, j, act, start, beyond=False):
     return (0, hit) if abs(hit) < 2 else (int(toward), toward)
 
 
-@njit(**_INNER)
+@inner
 def layer_rates(D, w, group, width, contacts, u, F, du):
     for i in range(len(group)):
         w[D.N + group[i]] = u[i] / np.sqrt(1.0 + u[i] * u[i])
@@ -391,7 +398,7 @@ def layer_rates(D, w, group, width, contacts, u, F, du):
     return ok
 
 
-@njit(**_INNER)
+@inner
 def many_layer(D, v, group, start, width, contacts, out):
     """The layer of several switches, du_i/dtau = push_i/width_i, by Bogacki-Shampine; statuses into `out`."""
     n = len(group)
@@ -428,7 +435,7 @@ def many_layer(D, v, group, start, width, contacts, out):
     return False
 
 
-@njit(**_INNER)
+@inner
 def attracts(D, v, which):
     """Whether sliding on these surfaces attracts at every ratio of widths: minors of -J are positive."""
     n = len(which)
@@ -445,7 +452,7 @@ def attracts(D, v, which):
     return True
 
 
-@njit(**_INNER)
+@inner
 def classify(D, v, status, group, contacts, forced):
     """Decides the switches of `group` (marked) with these contacts closed; v and status are set. Returns 0 or a code.
 
@@ -485,7 +492,7 @@ def classify(D, v, status, group, contacts, forced):
     return 0 if attracts(D, v, slid) else UNDECIDED
 
 
-@njit(**_INNER)
+@inner
 def impulses(D, v, closing, U, after):
     """Newton's law with all `closing` contacts as one complementarity problem, by trying every set. False: none."""
     n = len(closing)
@@ -520,7 +527,7 @@ def impulses(D, v, closing, U, after):
     return False
 
 
-@njit(**_INNER)
+@inner
 def one_by_one(D, v, closing, first):
     """The impacts of `closing` one after the other, first = +1: the fastest first, -1: the slowest. False: no end."""
     for _ in range(1000):
@@ -542,7 +549,7 @@ JUMP_WHILE_CLOSED, SEVERAL_IMPACTS, RESET_BEYOND, SIMULTANEOUS, ACCUMULATES, SLI
     1, 2, 4, 8, 16, 32, 64, 128)  # fmt: skip
 
 
-@njit(**_INNER)
+@inner
 def settle(D, v, status, touched, forced, tags):
     """Decides contacts and switches together after an event: impacts, then closed sets, then layers. 0 or a code.
 
@@ -664,13 +671,13 @@ def settle(D, v, status, touched, forced, tags):
     return 0
 
 
-@njit(**_INNER)
+@inner
 def reads(D, row, k):
     """Whether variable k stands in a row."""
     return np.any(D.var[D.fac[D.row[row]] : D.fac[D.row[row + 1]]] == k)
 
 
-@njit(**_INNER)
+@inner
 def fire(D, v, status, side, touched, hit, tags):
     """Events at this instant act on the values before, increments added; then those whose surface was jumped.
 
@@ -717,7 +724,7 @@ def fire(D, v, status, side, touched, hit, tags):
     return False
 
 
-@njit(**_CACHED)
+@whole
 def run(D, v0, status0, t0, instants, log, graze, tags, most=1500):
     """From t0 through the instants: (code, time reached, states at the instants). `log` takes (t, what) of events."""
     N, m, c, E = D.N, D.m, D.c, D.e

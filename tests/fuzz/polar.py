@@ -11,8 +11,9 @@ order. One component is a scalar switch. What is not decided ends the run with a
 from collections import namedtuple
 
 import numpy as np
-from numba import njit
 from scipy.integrate._ivp import dop853_coefficients as dop
+
+from .compiling import inner, whole
 
 # Numbers of a run; B (K, N, 3), index (K, 3), d (K), thr (K): |lambda| at which a stick ends; an event at e.y = level,
 # rising, that adds `jump`.
@@ -22,7 +23,6 @@ Disc = namedtuple(
 
 DONE, UNDECIDED, LOST, TOO_MANY = 0, 1, 2, 3
 STICK, TANGENCY, FOLD, RESET, CROSSING, EVENT = range(6)
-_CACHED = dict(cache=True, error_model="numpy")
 _A, _B, _C = dop.A[: dop.N_STAGES, : dop.N_STAGES].copy(), dop.B.copy(), dop.C[: dop.N_STAGES].copy()
 _E3, _E5 = dop.E3.copy(), dop.E5.copy()
 _STAGES = dop.N_STAGES
@@ -45,7 +45,7 @@ def _chebyshev():
 _S, _D, _Q = _chebyshev()
 
 
-@njit(**_CACHED)
+@inner
 def gauss(A, b):
     """Solves A x = b in place, x in b; False if singular."""
     n = len(b)
@@ -72,12 +72,12 @@ def gauss(A, b):
     return True
 
 
-@njit(**_CACHED)
+@inner
 def strength(P, k, t, r):
     return (1 + P.swing[k] * np.cos(P.pace[k] * t)) * (1 + P.stribeck[k] * np.exp(-r / P.width[k]))
 
 
-@njit(**_CACHED)
+@inner
 def rates(P, t, y, lam, dy):
     """dy/dt with these multipliers (K, 3)."""
     dy[:] = P.c
@@ -98,7 +98,7 @@ def rates(P, t, y, lam, dy):
                 dy[j] += f * P.B[k, j, i] * lam[k, i]
 
 
-@njit(**_CACHED)
+@inner
 def hold(P, t, y, lam, slips, dy):
     """Overwrites the multipliers of the discs that stick, and dy; False if there are none that hold."""
     size = 0
@@ -141,7 +141,7 @@ def hold(P, t, y, lam, slips, dy):
     return True
 
 
-@njit(**_CACHED)
+@inner
 def unpack(P, Y, slips, y, lam):
     """States and directions of slip from (y with n in place of h, ln r, t)."""
     N = len(y)
@@ -160,7 +160,7 @@ def unpack(P, Y, slips, y, lam):
                 y[P.index[k, i]] = 0.0
 
 
-@njit(**_CACHED)
+@inner
 def polar(P, Y, slips, y, lam, dy, out):
     """Rates of Y in tau."""
     N, K = len(y), len(P.d)
@@ -186,7 +186,7 @@ def polar(P, Y, slips, y, lam, dy, out):
     return ok
 
 
-@njit(**_CACHED)
+@inner
 def step(P, Y, slips, h, F, y, lam, dy, new):
     """Overwrites new; F[0] holds the rates at Y. Returns the error in tolerances, nan if none."""
     size = len(Y)
@@ -218,7 +218,7 @@ def step(P, Y, slips, h, F, y, lam, dy, new):
     return abs(h) * e5 / np.sqrt((e5 + 0.01 * e3) * size)
 
 
-@njit(**_CACHED)
+@inner
 def size_of(P, k, lam):
     total = 0.0
     for i in range(P.d[k]):
@@ -226,7 +226,7 @@ def size_of(P, k, lam):
     return np.sqrt(total)
 
 
-@njit(**_CACHED)
+@inner
 def watched(P, Y, slips, armed, until, y, lam, dy, out):
     """What is watched, negative until it happens: rest or bound of each disc, the instant, the event."""
     N, K = len(y), len(P.d)
@@ -244,7 +244,7 @@ def watched(P, Y, slips, armed, until, y, lam, dy, out):
             out[K + 1] = -1.0
 
 
-@njit(**_CACHED)
+@inner
 def way_out(P, t, y, lam, slips, out, c):
     """Newton's method for G_k = c_k n_k of the discs marked in `out`, from the directions in lam; False if none."""
     N, K = len(y), len(P.d)
@@ -330,7 +330,7 @@ def way_out(P, t, y, lam, slips, out, c):
     return True
 
 
-@njit(**_CACHED)
+@inner
 def begin(P, y, t, lam, slips, out, c, span):
     """Overwrites y, lam: the slips marked in `out` have begun and last `span`; False if the sweeps do not converge."""
     N, K = len(y), len(P.d)
@@ -444,7 +444,7 @@ def begin(P, y, t, lam, slips, out, c, span):
     return True
 
 
-@njit(**_CACHED)
+@inner
 def settle(P, t, y, lam, slips, came, jumped, log, found, margin, longest):
     """All discs at rest stick or begin to slip, y and t moved to where they do; (code, t).
 
@@ -496,7 +496,7 @@ def settle(P, t, y, lam, slips, came, jumped, log, found, margin, longest):
     return UNDECIDED, t
 
 
-@njit(**_CACHED)
+@inner
 def release(P, t, y, lam, slips, out, c, span):
     """Begins the slips in `out`, whose first moments last `span` at most; (code, t)."""
     fastest = 1.0
@@ -530,7 +530,7 @@ def release(P, t, y, lam, slips, out, c, span):
     return UNDECIDED, t
 
 
-@njit(**_CACHED)
+@inner
 def pack(P, y, lam, slips, t, Y):
     N = len(y)
     Y[:N] = y
@@ -547,7 +547,7 @@ def pack(P, y, lam, slips, t, Y):
     Y[N + len(P.d)] = t
 
 
-@njit(**_CACHED)
+@whole
 def run(P, start, t, instants, log, found, margin, steps):
     """(code, time reached, states at the instants); log rows are (time, disc, kind).
 
@@ -555,6 +555,8 @@ def run(P, start, t, instants, log, found, margin, steps):
     slip at an extremum, distance between two things watched.
     """
     N, K = len(start), len(P.d)
+    # Of the types of all numbers: a function is compiled anew for every literal.
+    nobody, no, yes = np.int64(-1), np.bool_(False), np.bool_(True)
     states = np.full((len(instants), N), np.nan)
     y, lam, dy = start.copy(), np.zeros((K, 3)), np.empty(N)
     slips = np.zeros(K, np.bool_)
@@ -572,7 +574,7 @@ def run(P, start, t, instants, log, found, margin, steps):
     asked = 0
     code = DONE
     if not slips.all():
-        code, t = settle(P, t, y, lam, slips, -1, False, log, found, margin, 0.5 * (instants[0] - t))
+        code, t = settle(P, t, y, lam, slips, nobody, no, log, found, margin, 0.5 * (instants[0] - t))
     if code != DONE:
         return code, t, states
     pack(P, y, lam, slips, t, Y)
@@ -582,7 +584,7 @@ def run(P, start, t, instants, log, found, margin, steps):
         fastest = max(fastest, P.w[s])
     for k in range(K):
         fastest = max(fastest, P.pace[k])
-    h, armed = 1e-3, True
+    h, armed = 1e-3, yes
     if P.events:
         level = -P.level
         for i in range(N):
@@ -599,7 +601,7 @@ def run(P, start, t, instants, log, found, margin, steps):
             return DONE, Y[N + K], states
         until = instants[asked]
         if P.events and not armed:
-            watched(P, Y, slips, True, until, y, lam, dy, g)
+            watched(P, Y, slips, yes, until, y, lam, dy, g)
             level, armed = g[K + 1], g[K + 1] < 0.0
         watched(P, Y, slips, armed, until, y, lam, dy, g)
         sticks = not slips.all()
@@ -617,7 +619,7 @@ def run(P, start, t, instants, log, found, margin, steps):
             continue
         if P.events and not armed and h > 1e-9 and abs(level) < 1e-10:
             # From its level behind an event the motion may be back within a step: it must be seen below.
-            watched(P, new, slips, True, until, y, lam, dy, after)
+            watched(P, new, slips, yes, until, y, lam, dy, after)
             unpack(P, Y, slips, y, lam)
             rates(P, Y[N + K], y, lam, dy)
             slope = 0.0
@@ -690,7 +692,7 @@ def run(P, start, t, instants, log, found, margin, steps):
         if what == K + 1:
             log[found[0], 0], log[found[0], 1], log[found[0], 2] = t, K, EVENT
             found[0] += 1
-            armed = False
+            armed = no
             for i in range(N):
                 y[i] += P.jump[i]
             for k in range(K):
@@ -707,7 +709,7 @@ def run(P, start, t, instants, log, found, margin, steps):
                     for i in range(P.d[k]):
                         lam[k, i] = y[P.index[k, i]] / np.sqrt(r)
             if not slips.all():
-                code, t = settle(P, t, y, lam, slips, -1, True, log, found, margin, longest)
+                code, t = settle(P, t, y, lam, slips, nobody, yes, log, found, margin, longest)
         elif slips[what]:
             came = what
             at = t
@@ -716,7 +718,7 @@ def run(P, start, t, instants, log, found, margin, steps):
                 y[P.index[came, i]] = 0.0
             row = found[0]
             found[0] += 1  # kept for what the arrival turns out to be
-            code, t = settle(P, t, y, lam, slips, came, False, log, found, margin, longest)
+            code, t = settle(P, t, y, lam, slips, came, no, log, found, margin, longest)
             log[row, 0], log[row, 1], log[row, 2] = at, came, CROSSING if slips[came] else STICK
             rising[came] = 0.0
         else:
