@@ -249,7 +249,9 @@ def follow(
     the walls that matter in this mode. RuntimeError after more than `most` events or `most_evaluations`.
     """
     functions = rules.functions
-    (t, end), x = t_span, np.array(x0, float)
+    # A whole number would compile the rules anew.
+    t, end = map(float, t_span)
+    x = np.array(x0, float)
     status = np.ones(functions.n_walls, np.int64)
     rules.begin(t, x, status)
     log: list[tuple[float, str]] = []
