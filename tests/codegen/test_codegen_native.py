@@ -217,6 +217,8 @@ def test_the_machine_code_of_a_model_goes_with_it_and_not_before():
 
 def test_a_run_keeps_the_machine_code_that_it_uses():
     """A long run in one thread, while others drop every model that is kept."""
+    gc.collect()
+    gc.freeze()  # what other tests have left is not looked through each time
     t, x, v = sp.symbols("t x v", real=True)
     rate = sp.sin(t) - x - sp.sign(v) * sp.Rational(22, 7) / 10
     systems = [System({x: v, v: rate}, time=t), System({x: v, v: rate}, time=t).smoothed(eps=1e-2)]
@@ -236,6 +238,7 @@ def test_a_run_keeps_the_machine_code_that_it_uses():
     finally:
         done.set()
         dropping.join()
+        gc.unfreeze()
     assert beside == [alone] * 3
 
 
