@@ -96,10 +96,10 @@ from pwsmooth.codegen.machine import native, objects
 objects.MANY = 10
 emit, t, y, v = objects.emit, *sp.symbols("t y v", real=True)
 
-def emit_slowly(module):
+def emit_slowly(*given, **kinds):
     machine = objects._machine()  # of LLVM, which is in use meanwhile
     time.sleep(1 if threads() else 0)
-    return emit(module)
+    return emit(*given, **kinds)
 
 def threads():
     return any(thread.is_alive() for thread in objects._optimising)

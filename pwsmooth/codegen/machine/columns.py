@@ -10,14 +10,11 @@ from __future__ import annotations
 
 import ast
 
-from llvmlite import ir
-
 from ...definition.model import Table
 from . import native, objects
-from .sums import DOUBLE, LANE, LANES
+from .writer import DOUBLE, LANES, POINTER, ROW, Value, integer
 
-VECTOR = ir.VectorType(DOUBLE, 8)
-KINDS = native.KINDS | {"P": VECTOR.as_pointer(), "V": VECTOR}
+KINDS = native.KINDS | {"P": (POINTER, ROW), "V": (ROW, "")}
 
 # presum of sums.py on rows of vectors. In it j counts orders of the first series; those of the second end at 4 q.
 PRESUM = """
@@ -63,41 +60,27 @@ class Function(native.Function):
 
     kinds = KINDS
 
-    def spread(self, value: ir.Value) -> ir.Value:
-        if value.type == VECTOR:
-            return value
-        value, undefined = super().cast(value, DOUBLE), ir.Constant(VECTOR, ir.Undefined)
-        one = self.builder.insert_element(undefined, value, LANE(0))
-        return self.builder.shuffle_vector(one, undefined, ir.Constant(ir.VectorType(LANE, 8), [0] * 8))
+    def spread(self, value: Value) -> Value:
+        return value if value.kind == ROW else self.writer.spread(super().cast(value, DOUBLE), ROW)
 
-    def first(self, value: ir.Value) -> ir.Value:
-        return self.builder.extract_element(value, LANE(0)) if value.type == VECTOR else value
+    def first(self, value: Value) -> Value:
+        return self.writer.lane(value, integer(0)) if value.kind == ROW else value
 
-    def store(self, name: str, value: ir.Value) -> None:
-        super().store(name, self.spread(value) if value.type == DOUBLE else value)
+    def store(self, name: str, value: Value) -> None:
+        super().store(name, self.spread(value) if value.kind == DOUBLE else value)
 
-    def cast(self, value: ir.Value, kind: ir.Type) -> ir.Value:
-        return self.spread(value) if kind == VECTOR else super().cast(self.first(value), kind)
-
-    def assign(self, target, value) -> None:
-        if isinstance(target, ast.Name):
-            self.store(target.id, value)
-        else:
-            pointer = self.element(target)
-            self.builder.store(self.cast(value, pointer.type.pointee), pointer, align=8)
-
-    def _Subscript(self, node):
-        return self.builder.load(self.element(node), align=8)
+    def cast(self, value: Value, kind: str) -> Value:
+        return self.spread(value) if kind == ROW else super().cast(self.first(value), kind)
 
     def _UnaryOp(self, node):
         if isinstance(node.op, ast.USub) and not isinstance(node.operand, ast.Constant):
             value = self.expression(node.operand)
-            if value.type == VECTOR:
-                return self.builder.fneg(value)
+            if value.kind == ROW:
+                return self.writer.negative(value)
         return super()._UnaryOp(node)
 
-    def binary(self, op, a, b) -> ir.Value:
-        if VECTOR not in (a.type, b.type):
+    def binary(self, op, a, b) -> Value:
+        if ROW not in (a.kind, b.kind):
             return super().binary(op, a, b)
         if isinstance(op, ast.Pow):
             return super().binary(op, self.first(a), self.first(b))
@@ -107,7 +90,7 @@ class Function(native.Function):
         return self.first(a), self.first(b)
 
     def choose(self, condition, a, b):
-        return self.builder.select(condition, self.spread(a), self.spread(b))
+        return self.writer.select(condition, self.spread(a), self.spread(b))
 
     @staticmethod
     def helper(name: str, count: int) -> str | None:
@@ -116,7 +99,7 @@ class Function(native.Function):
 
 def build(text: str, first: bool = False) -> bytes:
     """Object code of a generated text for this machine."""
-    return objects.emit(native.Module(text, Function, objects.FIRST * first).module)
+    return native.object_code(text, first, Function)
 
 
 def load(text: str, sizes: tuple[int, ...] = (), tables: tuple[Table, ...] = ()) -> objects.Code:

@@ -5,7 +5,7 @@ Most models are called so seldom that it suffices. After MANY calls a thread of 
 every call goes to the optimised code, and later processes load that at once. Both codes give the same bits: our LLVM
 modules fix every rounding, whatever the degree of optimisation.
 
-Chain: native.py, vectors.py -> LLVM module -> object code (this file) -> cache.py; numba's own goes through `link` too.
+Chain: native.py, vectors.py -> LLVM's text -> object code (this file) -> cache.py; numba's own goes through `link` too.
 """
 
 from __future__ import annotations
@@ -19,18 +19,19 @@ import hashlib
 import os
 import re
 import threading
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from weakref import WeakSet, WeakValueDictionary
 
 import llvmlite.binding as llvm
-from llvmlite import ir
 
 from ...definition.model import Table
 from ...kernels.machine import NEVER_CALLED
 from .cache import models
 from .clock import preparing
 from .workers import announced
+from .writer import Callee
 
 # The functions of the C library that machine code may call; not every system has sincos.
 LIBM = tuple(
@@ -49,7 +50,6 @@ _nothing = ctypes.CFUNCTYPE(None)(lambda: None)
 MANY = 10_000
 CALLED_OFTEN = "pwsmooth_called_often"
 FIRST = "_first"  # how the names of the functions end in the first code
-INT, PLACE = ir.IntType(64), ir.IntType(64).as_pointer()
 
 
 @cache
@@ -76,41 +76,45 @@ def _machine(level: int = 3) -> llvm.TargetMachine:
 _PASSES = ("sroa", "new_gvn", "instruction_combine", "simplify_cfg")
 
 
-def _count_calls(module: ir.Module, functions: list[ir.Function]) -> None:
-    """Puts a counter before each function that the kernels call. It goes on to the code that `<name>_now` points to."""
-    calls = ir.GlobalVariable(module, INT, "calls")
-    calls.initializer = INT(MANY)
-    hear = ir.Function(module, ir.FunctionType(ir.VoidType(), [PLACE]), CALLED_OFTEN)
-    for first in functions:
-        name, first.linkage = first.name.removesuffix(FIRST), "internal"
-        place = ir.GlobalVariable(module, first.type, f"{name}_now")
-        place.initializer = first
-        function = ir.Function(module, first.function_type, name)
-        builder = ir.IRBuilder(function.append_basic_block("entry"))
-        count, often, go = (function.append_basic_block(word) for word in ("count", "often", "go"))
-        now = builder.load(place)
-        builder.cbranch(builder.icmp_unsigned("==", now, first), count, go)
-        builder.position_at_end(count)
-        left = builder.sub(builder.load(calls), INT(1))
-        builder.store(left, calls)
-        builder.cbranch(builder.icmp_signed("==", left, INT(0)), often, go)
-        builder.position_at_end(often)
-        builder.call(hear, [calls])
-        builder.branch(go)
-        builder.position_at_end(go)
-        result = builder.call(now, function.args)
-        builder.ret_void() if result.type == ir.VoidType() else builder.ret(result)
+def _counted(function: Callee) -> str:
+    """A function that counts its calls and goes on to the code that `<name>_now` points to, at first the first one."""
+    name, kind = function.name.removesuffix(FIRST), function.returned
+    given = ", ".join(f"{k} %a{i}" for i, (k, _) in enumerate(function.arguments))
+    result, returned = ("", "void") if kind == "void" else ("%result = ", f"{kind} %result")
+    return f"""
+@{name}_now = global ptr @{function.name}
+define {kind} @{name}({given}) {{
+  %now = load ptr, ptr @{name}_now
+  %same = icmp eq ptr %now, @{function.name}
+  br i1 %same, label %count, label %go
+count:
+  %before = load i64, ptr @calls
+  %left = sub i64 %before, 1
+  store i64 %left, ptr @calls
+  %end = icmp eq i64 %left, 0
+  br i1 %end, label %often, label %go
+often:
+  call void @{CALLED_OFTEN}(ptr @calls)
+  br label %go
+go:
+  {result}call {kind} %now({given})
+  ret {returned}
+}}"""
 
 
-def emit(translated: ir.Module) -> bytes:
-    """Object code of an LLVM module for this machine: first code if names of functions end in FIRST, else optimised."""
-    if first := [f for f in translated.functions if f.name.endswith(FIRST)]:
-        _count_calls(translated, first)
+def emit(text: str, first: Sequence[Callee] = (), *, loops: bool = False) -> bytes:
+    """Object code of LLVM's text for this machine: optimised, or the first code, in which these functions are counted.
+
+    With `loops` over the elements of a family, which become vectors.
+    """
+    if first:
+        counter = f"@calls = global i64 {MANY}\ndeclare void @{CALLED_OFTEN}(ptr)"
+        text = "\n".join([text, counter, *map(_counted, first)])
     machine = _machine(0 if first else 3)
-    module = llvm.parse_assembly(str(translated))
+    module = llvm.parse_assembly(f'target triple = "{llvm.get_default_triple()}"\n{text}')
     module.data_layout = str(machine.target_data)
     passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
-    if "n0" in translated.globals:  # loops over the elements of a family become vectors
+    if loops:
         manager = passes.getModulePassManager()
     else:
         manager = llvm.create_new_module_pass_manager()

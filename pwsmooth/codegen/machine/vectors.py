@@ -15,14 +15,11 @@ from __future__ import annotations
 
 import ast
 
-import llvmlite.binding as llvm
-from llvmlite import ir
-
 from ...definition.model import Table
 from . import native, objects
-from .sums import DOUBLE, LANE
+from .writer import BLOCK, DOUBLE, INT, ROW, WIDTHS, Value, integer, vector
 
-KINDS = native.KINDS | {"V": ir.VectorType(DOUBLE, 8), "H": ir.VectorType(DOUBLE, 4)}
+KINDS = native.KINDS | {"V": (ROW, ""), "H": (BLOCK, "")}
 _INSTRUCTIONS = {"vsqrt": "sqrt", "vabs": "fabs", "vfloor": "floor", "vrint": "rint", "vfma": "fma"}
 _LIBRARY = "exp log tan sinh cosh tanh atan asin acos asinh acosh atanh erf erfc".split()
 
@@ -71,33 +68,19 @@ class Function(native.Function):
 
     kinds = KINDS
 
-    def vector(self, value: ir.Value) -> bool:
-        return isinstance(value.type, ir.VectorType)
+    def vector(self, value: Value) -> bool:
+        return WIDTHS.get(value.kind, 0) > 0
 
-    def splat(self, value: ir.Value, width: int) -> ir.Value:
-        return self.spread(self.builder.insert_element(self.undefined(width), value, LANE(0)), 0)
-
-    def spread(self, value: ir.Value, k: int, width: int | None = None) -> ir.Value:
-        return self.shuffle(value, [k] * (width or value.type.count))
-
-    def undefined(self, width: int) -> ir.Constant:
-        return ir.Constant(ir.VectorType(DOUBLE, width), ir.Undefined)
-
-    def shuffle(self, a: ir.Value, lanes: list[int], b: ir.Value | None = None) -> ir.Value:
-        mask = ir.Constant(ir.VectorType(LANE, len(lanes)), lanes)
-        return self.builder.shuffle_vector(a, self.undefined(a.type.count) if b is None else b, mask)
-
-    def cast(self, value: ir.Value, kind: ir.Type) -> ir.Value:
-        if isinstance(kind, ir.VectorType) and not self.vector(value):
-            return self.splat(super().cast(value, DOUBLE), kind.count)
+    def cast(self, value: Value, kind: str) -> Value:
+        if WIDTHS.get(kind) and not self.vector(value):
+            return self.writer.spread(super().cast(value, DOUBLE), kind)
         return super().cast(value, kind)
 
-    def binary(self, op, a, b) -> ir.Value:
-        kind = a.type if self.vector(a) else b.type if self.vector(b) else None
+    def binary(self, op, a, b) -> Value:
+        kind = a.kind if self.vector(a) else b.kind if self.vector(b) else None
         if kind is None:
             return super().binary(op, a, b)
-        a, b = self.cast(a, kind), self.cast(b, kind)
-        return self.arithmetic(native.FLOAT_OPS[type(op)], a, b)
+        return self.arithmetic(native.FLOAT_OPS[type(op)], self.cast(a, kind), self.cast(b, kind))
 
     # ---- statements and expressions that native.py does without ----
 
@@ -105,30 +88,34 @@ class Function(native.Function):
         """Nothing."""
 
     def Break(self, node):
-        self.builder.branch(self.leave[-1])
+        self.writer.go(self.leave[-1])
 
     def For(self, node):
-        # The block after the loop exists before the loop: `break` goes there.
-        after = self.function.append_basic_block("left")
+        # The block after the loop has its name before the loop: `break` goes there.
+        after = self.writer.label("left")
         self.leave = [*getattr(self, "leave", []), after]
         super().For(node)
         self.leave = self.leave[:-1]
-        self.builder.branch(after)
-        self.builder.position_at_end(after)
+        self.writer.go(after)
+        self.writer.begin(after)
 
     def _UnaryOp(self, node):
         if isinstance(node.op, ast.USub):
             value = self.expression(node.operand)
             if self.vector(value):
-                return self.builder.fneg(value)
+                return self.writer.negative(value)
         return super()._UnaryOp(node)
 
     def _IfExp(self, node):
         condition, a, b = (self.expression(part) for part in (node.test, node.body, node.orelse))
-        kind = a.type if a.type == b.type else DOUBLE
-        return self.builder.select(condition, self.cast(a, kind), self.cast(b, kind))
+        kind = a.kind if a.kind == b.kind else DOUBLE
+        return self.writer.select(condition, self.cast(a, kind), self.cast(b, kind))
 
     # ---- calls ----
+
+    @staticmethod
+    def helper(name: str, count: int) -> str | None:
+        return PRELUDE if name in ("vsin", "vcos") else None
 
     def _Call(self, node):
         if isinstance(node.func, ast.Attribute):
@@ -139,113 +126,90 @@ class Function(native.Function):
             return special(*node.args)
         if name in _INSTRUCTIONS:
             args = [self.expression(a) for a in node.args]
-            callee = self.module.instruction(_INSTRUCTIONS[name], args[0].type, len(args))
-            return self.builder.call(callee, [self.cast(a, args[0].type) for a in args])
+            return self.call(self.module.instruction(_INSTRUCTIONS[name], args[0].kind, len(args)), args)
         if name.startswith("library_") or (name[0] == "v" and name[1:] in _LIBRARY):
             callee = self.module.callee(name.removeprefix("library_").removeprefix("v"), 1)
             return self.lane_by_lane(callee, self.expression(node.args[0]))
         return super()._Call(node)
 
-    def lane_by_lane(self, callee, value, *others) -> ir.Value:
-        result = self.undefined(value.type.count)
-        for k in range(value.type.count):
-            x = self.builder.extract_element(value, LANE(k))
-            result = self.builder.insert_element(result, self.builder.call(callee, [x, *others]), LANE(k))
-        return result
+    def lane_by_lane(self, callee, value, *others) -> Value:
+        lanes = (self.writer.lane(value, integer(k)) for k in range(WIDTHS[value.kind]))
+        return self.writer.join([self.call(callee, [x, *others]) for x in lanes])
 
-    def place(self, pointer, index, width: int) -> ir.Value:
-        element = self.builder.gep(self.pointers[pointer.id], [self.expression(index)])
-        return self.builder.bitcast(element, ir.VectorType(DOUBLE, width).as_pointer())
+    def place(self, pointer, index) -> Value:
+        return self.writer.element(self.pointers[pointer.id], self.expression(index))
 
     def call_load8(self, pointer, index):
-        return self.builder.load(self.place(pointer, index, 8), align=8)
+        return self.writer.load(self.place(pointer, index), ROW)
 
     def call_load4(self, pointer, index):
-        return self.builder.load(self.place(pointer, index, 4), align=8)
+        return self.writer.load(self.place(pointer, index), BLOCK)
 
     def call_store8(self, pointer, index, value):
-        return self.builder.store(
-            self.cast(self.expression(value), KINDS["V"]), self.place(pointer, index, 8), align=8
-        )
+        return self.writer.store(self.cast(self.expression(value), ROW), self.place(pointer, index))
 
     def call_store4(self, pointer, index, value):
-        return self.builder.store(
-            self.cast(self.expression(value), KINDS["H"]), self.place(pointer, index, 4), align=8
-        )
+        return self.writer.store(self.cast(self.expression(value), BLOCK), self.place(pointer, index))
 
     def call_splat8(self, value):
-        return self.cast(self.expression(value), KINDS["V"])
+        return self.cast(self.expression(value), ROW)
 
     def call_splat4(self, value):
-        return self.cast(self.expression(value), KINDS["H"])
+        return self.cast(self.expression(value), BLOCK)
 
     def call_V8(self, *values):
-        return ir.Constant(KINDS["V"], [float(ast.literal_eval(v)) for v in values])
+        return vector([float(ast.literal_eval(v)) for v in values])
 
-    def call_H4(self, *values):
-        return ir.Constant(KINDS["H"], [float(ast.literal_eval(v)) for v in values])
+    call_H4 = call_V8
 
     def call_lane(self, value, k):
-        return self.builder.extract_element(self.expression(value), self.expression(k))
+        return self.writer.lane(self.expression(value), self.expression(k))
 
     def call_spread(self, value, k):
-        return self.spread(self.expression(value), ast.literal_eval(k), 8)
+        return self.writer.shuffle(self.expression(value), [ast.literal_eval(k)] * 8)
 
     def call_low4(self, value):
-        return self.shuffle(self.expression(value), [0, 1, 2, 3])
+        return self.writer.shuffle(self.expression(value), range(4))
 
     def call_high4(self, value):
-        return self.shuffle(self.expression(value), [4, 5, 6, 7])
+        return self.writer.shuffle(self.expression(value), range(4, 8))
 
     def call_join8(self, a, b):
-        return self.shuffle(self.expression(a), list(range(8)), self.expression(b))
+        return self.writer.shuffle(self.expression(a), range(8), self.expression(b))
 
     def call_vpow(self, value, exponent):
         power = self.module.instruction("pow", DOUBLE, 2)
         return self.lane_by_lane(power, self.expression(value), self.cast(self.expression(exponent), DOUBLE))
 
-    def maximum(self, a, b) -> ir.Value:
+    def maximum(self, a: Value, b: Value) -> Value:
         """Of doubles that are not negative, as integers: a nan is larger than all, and one instruction serves where
         comparisons that look for a nan are a chain of five."""
-        bits = ir.VectorType(ir.IntType(64), a.type.count)
-        x, y = self.builder.bitcast(a, bits), self.builder.bitcast(b, bits)
-        larger = self.builder.select(self.builder.icmp_signed(">", x, y), x, y)
-        return self.builder.bitcast(larger, a.type)
+        bits = f"<{WIDTHS[a.kind]} x {INT}>" if self.vector(a) else INT
+        x, y = (self.writer.convert("bitcast", v, bits) for v in (a, b))
+        larger = self.writer.select(self.writer.compare("sgt", x, y), x, y)
+        return self.writer.convert("bitcast", larger, a.kind)
 
     def call_vmax(self, a, b):
         a = self.expression(a)
-        return self.maximum(a, self.cast(self.expression(b), a.type))
+        return self.maximum(a, self.cast(self.expression(b), a.kind))
 
-    def fold(self, value, operation) -> ir.Value:
+    def fold(self, value, operation) -> Value:
         v, width = self.expression(value), 8
         while width > 1:
             width //= 2
-            v = operation(self.shuffle(v, list(range(width))), self.shuffle(v, list(range(width, 2 * width))))
-        return self.builder.extract_element(v, LANE(0))
+            v = operation(self.writer.shuffle(v, range(width)), self.writer.shuffle(v, range(width, 2 * width)))
+        return self.writer.lane(v, integer(0))
 
     def call_largest8(self, value):
         return self.fold(value, self.maximum)
 
     def call_total8(self, value):
-        return self.fold(value, self.builder.fadd)
-
-
-class Module(native.Module):
-    """Translates one generated text with vectors into an LLVM module."""
-
-    def __init__(self, text: str, suffix: str = ""):
-        self.module = ir.Module("pwsmooth")
-        self.module.triple = llvm.get_default_triple()
-        self.fuses = True
-        self.functions: dict[str, ir.Function] = {}
-        prelude = [node for node in ast.parse(PRELUDE).body if isinstance(node, ast.FunctionDef)]
-        self.translated = Function
-        self.define([*prelude, *self.read(text)], {*native.INTERNAL, *(node.name for node in prelude)}, suffix)
+        return self.fold(value, lambda a, b: self.writer.binary("fadd", a, b))
 
 
 def build(text: str, first: bool = False) -> bytes:
     """Object code of a generated text with vectors for this machine."""
-    return objects.emit(Module(text, objects.FIRST * first).module)
+    return native.object_code(f"FUSES = True\n{text}", first, Function)
 
 
 def load(text: str, sizes: tuple[int, ...] = (), tables: tuple[Table, ...] = ()) -> objects.Code:

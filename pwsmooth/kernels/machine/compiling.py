@@ -16,6 +16,8 @@ from numba.core.compiler import Flags, compile_extra
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.cpu import CPUContext
 from numba.core.registry import cpu_target
+from numba.core.targetconfig import ConfigStack
+from numba.core.typing.templates import _OverloadFunctionTemplate
 from numba.extending import overload, register_jitable
 
 from . import NEVER_CALLED
@@ -75,11 +77,19 @@ class Part(JITCodeLibrary):
         return self._codegen._tm.emit_object(module)
 
 
+def _flags():
+    flags = Flags()
+    flags.error_model, flags.nrt = "numpy", True
+    flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.no_compile = True
+    return flags
+
+
 @contextmanager
 def _parts_that_wait():
     """What numba compiles in this context becomes Parts, which Python does not call. numba has no public way to it."""
     kind = type(cpu_target.target_context.codegen())
     before, executable, collecting = kind._library_class, CPUContext.get_executable, gc.isenabled()
+    implementation = _OverloadFunctionTemplate._get_impl
     nowhere = binding.address_of_symbol("abort")
 
     def never_called(context, library, described, environment):
@@ -87,12 +97,18 @@ def _parts_that_wait():
             described.lookup_module(), described.qualname, "", nowhere, environment, (library,)
         )
 
+    def independent_of_caller(template, types, keywords):
+        with ConfigStack().enter(_flags()):
+            return implementation(template, types, keywords)
+
     kind._library_class, CPUContext.get_executable = Part, never_called
+    _OverloadFunctionTemplate._get_impl = independent_of_caller
     gc.disable()  # looking through numba's many small objects took a sixth of the time, and finds nothing to free
     try:
         yield
     finally:
         kind._library_class, CPUContext.get_executable = before, executable
+        _OverloadFunctionTemplate._get_impl = implementation
         if collecting:
             gc.enable()
 
@@ -110,9 +126,7 @@ class Unit:
 
         numba's own `cfunc` would name a dozen symbols of both, for exceptions, which no kernel raises.
         """
-        flags = Flags()
-        flags.error_model, flags.nrt = "numpy", True
-        flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.no_compile = True
+        flags = _flags()
         types, target, (kinds, kind) = cpu_target.typing_context, cpu_target.target_context, self.signature
         with _parts_that_wait():
             made = compile_extra(types, target, self.function, kinds, kind, flags, locals={})
