@@ -79,5 +79,13 @@ def pytest_configure(config):
     # sympy and numba make millions of objects and few circles of them: to look for these as often as Python does by
     # default takes a twelfth of the time.
     gc.set_threshold(100_000, 20, 100)
-    if (path := config.getoption("--record")) and not hasattr(config, "workerinput"):
+    if hasattr(config, "workerinput"):
+        return
+    if path := config.getoption("--record"):
         config.pluginmanager.register(Recorder(path))
+    if config.getoption("numprocesses", None) and config.args == config.getini("testpaths"):
+        # All parts of the core at once. Workers that ask for one part after the other would wait for each other, and
+        # compile twice what parts have in common.
+        from pwsmooth.codegen.machine import units
+
+        units.unit_addresses(units.ALL)

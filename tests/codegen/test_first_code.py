@@ -12,7 +12,7 @@ import threading
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, Switch, System, Unilateral, solve
+from pwsmooth import Event, Family, Switch, System, Unilateral, solve
 from pwsmooth.codegen.machine import cache, objects
 
 t, x, y, v, z = sp.symbols("t x y v z", real=True)
@@ -68,6 +68,29 @@ def test_first_and_optimised_code_give_the_same_bits(name, eps, files):
     second = run(system)
     assert second.t.tobytes() == first.t.tobytes() and second.x.tobytes() == first.x.tobytes()
     assert [e.time for e in second.events] == [e.time for e in first.events]
+    assert second.cost == first.cost
+
+
+@pytest.mark.parametrize("eps", [None, 1e-2])
+def test_families_too_and_their_loops_as_vectors(eps, files):
+    chain = Family(21)
+    q, w = chain.symbols("q w")
+    pull = chain.neighbour(q, 1) - 2 * q + chain.neighbour(q, -1)
+    event = Event(w - UNITS / 4, direction=1, name="fast")
+    system = System(
+        {q: w, w: UNITS * pull - q**3 / 9 + sp.cos(t + chain.index) * 2 - sp.sign(w - sp.sin(q) / 8) / 2},
+        time=t, events=[] if eps else [event],
+    )  # fmt: skip
+    system = system.smoothed(eps=eps) if eps else system
+    before = list(objects._loaded.values())
+    start = [0.1] * 42
+    first = solve(system, (0, 5), start)
+    codes = loaded(before)
+    assert first.success and codes and all(file.endswith(".first.o") for file in files)
+    for code in codes:
+        code.optimise()
+    second = solve(system, (0, 5), start)
+    assert second.t.tobytes() == first.t.tobytes() and second.x.tobytes() == first.x.tobytes()
     assert second.cost == first.cost
 
 

@@ -108,13 +108,13 @@ def emit(text: str, first: Sequence[Callee] = (), *, loops: bool = False) -> byt
     With `loops` over the elements of a family, which become vectors.
     """
     if first:
-        counter = f"@calls = global i64 {MANY}\ndeclare void @{CALLED_OFTEN}(ptr)"
+        counter = f"@calls = global i64 0\ndeclare void @{CALLED_OFTEN}(ptr)"
         text = "\n".join([text, counter, *map(_counted, first)])
     machine = _machine(0 if first else 3)
     module = llvm.parse_assembly(f'target triple = "{llvm.get_default_triple()}"\n{text}')
     module.data_layout = str(machine.target_data)
     passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
-    if loops:
+    if loops and not first:
         manager = passes.getModulePassManager()
     else:
         manager = llvm.create_new_module_pass_manager()
@@ -208,9 +208,12 @@ class Code:
         self._text, self._build, self._sizes, self._tables = text, build, sizes, tables
         self._names = [function.partition("(")[0] for function in functions]
         self._optimised: llvm.ExecutionEngine | None = None
-        # A family's loops become vectors, without which they take several times as long: optimised at once.
-        self._engine = self._linked(_image(text, build, first=not (sizes or self.constants.get("SIZES"))))
+        # A call of a family's code does the work of all its elements; of how many, the text does not say.
+        few = 2 * MANY // max(sum(sizes), 2)  # calls of the first code
+        known = bool(sizes) or not self.constants.get("SIZES")
+        self._engine = self._linked(_image(text, build, first=known and few > 1))
         if calls := self.place("calls"):
+            ctypes.c_int64.from_address(calls).value = few
             _counting[calls] = self
 
     def _linked(self, image: bytes) -> llvm.ExecutionEngine:
