@@ -79,7 +79,8 @@ def on_sphere(e: sp.Expr, components) -> sp.Expr:
     """`e` with 1 for lambda . lambda, also within its functions."""
     if components[0] not in e.free_symbols:
         return e  # the sphere is divided out by its first component
-    if (polynomial := e.as_poly(*components)) is not None:
+    # To look is cheap, while `as_poly` multiplies out even what is none.
+    if e.is_polynomial(*components) and (polynomial := e.as_poly(*components)) is not None:
         sphere = sp.Poly(sum(lam**2 for lam in components) - 1, *components)
         _, rest = sp.reduced(polynomial, [sphere])
         return rest.as_expr()
