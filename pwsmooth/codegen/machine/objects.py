@@ -1,9 +1,10 @@
 """Object code of this machine: made of an LLVM module, kept, linked and loaded.
 
-A model is compiled at most twice. LLVM makes the first code in a sixth of the time; it runs 1.3 to 1.9 times as long.
-Most models are called so seldom that it suffices. After MANY calls a thread of its own optimises the code. From then on
-every call goes to the optimised code, and later processes load that at once. Both codes give the same bits: our LLVM
-modules fix every rounding, whatever the degree of optimisation.
+A model is compiled at most twice. LLVM makes the first code in a sixth of the time; it runs 1.3 to 1.9 times as long,
+loops over the elements of a family several times. Most models are called so seldom that it suffices. After MANY calls,
+of a family fewer, a thread of its own optimises the code. From then on every call goes to the optimised code, and
+later processes load that at once. Both codes give the same bits: our text for LLVM fixes every rounding, whatever the
+degree of optimisation.
 
 Chain: native.py, vectors.py -> LLVM's text -> object code (this file) -> cache.py; numba's own goes through `link` too.
 """
@@ -46,7 +47,7 @@ _LEVELS = {
 }
 _LONG = 50_000  # characters of a text: half a second
 _nothing = ctypes.CFUNCTYPE(None)(lambda: None)
-# Calls of the first code of a text after which it is optimised: about what this costs, over what a call then gains.
+# Calls of the first code after which it is optimised: about what this costs, over what a call then gains.
 MANY = 10_000
 CALLED_OFTEN = "pwsmooth_called_often"
 FIRST = "_first"  # how the names of the functions end in the first code
