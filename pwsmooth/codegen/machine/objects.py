@@ -209,10 +209,12 @@ class Code:
         self._text, self._build, self._sizes, self._tables = text, build, sizes, tables
         self._names = [function.partition("(")[0] for function in functions]
         self._optimised: llvm.ExecutionEngine | None = None
-        # A call of a family's code does the work of all its elements; of how many, the text does not say.
+        self._turn = threading.Lock()
+        # A call of a family's code does the work of all its elements. That of a patch reads numbers of elements and
+        # tables that are written into the code that is loaded first: an optimised one would not have them.
         few = 2 * MANY // max(sum(sizes), 2)  # calls of the first code
-        known = bool(sizes) or not self.constants.get("SIZES")
-        self._engine = self._linked(_image(text, build, first=known and few > 1))
+        patch = not sizes and self.constants.get("SIZES")
+        self._engine = self._linked(_image(text, build, first=few > 1 and not patch))
         if calls := self.place("calls"):
             ctypes.c_int64.from_address(calls).value = few
             _counting[calls] = self
@@ -229,10 +231,13 @@ class Code:
 
     def optimise(self) -> None:
         """Makes the optimised code; calls go to it from then on."""
-        engine = self._optimised = self._linked(_make(self._text, self._build, first=False))
-        for name in self._names:
-            if place := self.place(f"{name}_now"):
-                ctypes.c_void_p.from_address(place).value = engine.get_function_address(name)
+        with self._turn:
+            if self._optimised:
+                return
+            engine = self._optimised = self._linked(_make(self._text, self._build, first=False))
+            for name in self._names:
+                if place := self.place(f"{name}_now"):
+                    ctypes.c_void_p.from_address(place).value = engine.get_function_address(name)
 
     def address(self, name: str) -> int:
         return self._engine.get_function_address(name)
