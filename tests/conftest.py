@@ -89,3 +89,8 @@ def pytest_configure(config):
         from pwsmooth.codegen.machine import units
 
         units.unit_addresses(units.ALL)
+
+
+def pytest_unconfigure():
+    # pytest looks for circles at the end, among millions of objects: seconds in each worker.
+    gc.freeze()

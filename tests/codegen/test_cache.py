@@ -102,6 +102,16 @@ def test_solves_share_one_core_that_is_a_hit_in_a_second_process_and_see_a_chang
     assert third["core"] == len(STIFF.split()) and third["steps"][0] > 1.2 * first["steps"][0]
 
 
+def test_a_changed_kernel_has_another_key_whatever_its_size_and_time(tmp_path, monkeypatch):
+    shutil.copytree(PACKAGE / "kernels", tmp_path / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(cache, "PACKAGE", tmp_path)
+    before, steps = cache.sources_key("kernels"), tmp_path / "kernels" / "stiff" / "taylor.py"
+    stamp, text = steps.stat(), steps.read_text()
+    steps.write_text(text.replace("return 0.9 * min(", "return 0.2 * min("))
+    os.utime(steps, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+    assert steps.stat().st_size == stamp.st_size and cache.sources_key("kernels") != before
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """A Folder of two empty roots."""

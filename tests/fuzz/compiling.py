@@ -13,7 +13,7 @@ from numba.core.compiler import Compiler
 from numba.core.cpu import CPUContext
 
 from pwsmooth.codegen.machine.cache import models
-from pwsmooth.kernels.machine.compiling import Part, _parts_that_wait
+from pwsmooth.kernels.machine.compiling import Part, parts_that_wait
 
 # A function that others call, never Python. A number has the type of all of its kind, `np.int64(-1)` for -1:
 # a function is compiled anew for every literal.
@@ -25,7 +25,7 @@ class _Whole(Compiler):
 
     def _compile_core(self):
         executable = CPUContext.get_executable
-        with _parts_that_wait():
+        with parts_that_wait():
             never_called = CPUContext.get_executable
 
             def executable_or_none(context, library, *described):

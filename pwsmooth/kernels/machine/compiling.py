@@ -77,7 +77,8 @@ class Part(JITCodeLibrary):
         return self._codegen._tm.emit_object(module)
 
 
-def _flags():
+def _flags_of_kernels():
+    """numba's flags of every kernel: those of a unit, of what it calls and of what is copied into it."""
     flags = Flags()
     flags.error_model, flags.nrt = "numpy", True
     flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.no_compile = True
@@ -85,7 +86,7 @@ def _flags():
 
 
 @contextmanager
-def _parts_that_wait():
+def parts_that_wait():
     """What numba compiles in this context becomes Parts, which Python does not call. numba has no public way to it."""
     kind = type(cpu_target.target_context.codegen())
     before, executable, collecting = kind._library_class, CPUContext.get_executable, gc.isenabled()
@@ -97,8 +98,9 @@ def _parts_that_wait():
             described.lookup_module(), described.qualname, "", nowhere, environment, (library,)
         )
 
+    # numba compiles a function anew for callers with other flags, a third of all in a unit.
     def independent_of_caller(template, types, keywords):
-        with ConfigStack().enter(_flags()):
+        with ConfigStack().enter(_flags_of_kernels()):
             return implementation(template, types, keywords)
 
     kind._library_class, CPUContext.get_executable = Part, never_called
@@ -126,9 +128,9 @@ class Unit:
 
         numba's own `cfunc` would name a dozen symbols of both, for exceptions, which no kernel raises.
         """
-        flags = _flags()
+        flags = _flags_of_kernels()
         types, target, (kinds, kind) = cpu_target.typing_context, cpu_target.target_context, self.signature
-        with _parts_that_wait():
+        with parts_that_wait():
             made = compile_extra(types, target, self.function, kinds, kind, flags, locals={})
         module = target.create_module(self.symbol)
         inner = ir.Function(module, target.call_conv.get_function_type(kind, kinds), made.fndesc.llvm_func_name)
