@@ -367,6 +367,29 @@ def after_event(P, S):
     return False
 
 
+@kernel
+def _look_for_arrival(P, C, S, R, W, h, best):
+    """(length of the step, what is met first on it), if the motion may arrive where a field is singular: `end.arrives`
+    if it does.
+    """
+    step = W.step
+    step.arrives = step.rests = -1
+    call_unit(P.approach_unit, P, C, S, R, W)
+    arrives = step.arrives >= 0
+    if arrives and step.time_row < 0 and step.length > step.stop - step.start:
+        arrives = False  # beyond the end of the span or the next instant of a time event
+        step.length = h
+    elif step.length != h:
+        h, W.end.stopped = step.length, 0
+        powers(step.power, h)
+        best = find_first(P, C, S, W)
+    if arrives:
+        best = NO_ROOT
+        W.meeting.grazed[:] = NO_ROOT
+    W.end.arrives = int(arrives)
+    return h, best
+
+
 @loop_kernel
 def find_end(P, C, S, R, W):
     """Overwrites W.end: what is met first on the step, and where it therefore ends."""
@@ -381,20 +404,7 @@ def find_end(P, C, S, R, W):
         end.stopped = end.stopped if h == asked else 0
     end.arrives = 0
     if P.watches != 0:
-        step.arrives = step.rests = -1
-        call_unit(P.approach_unit, P, C, S, R, W)
-        arrives = step.arrives >= 0
-        if arrives and step.time_row < 0 and step.length > step.stop - step.start:
-            arrives = False  # beyond the end of the span or the next instant of a time event
-            step.length = h
-        elif step.length != h:
-            h, end.stopped = step.length, 0
-            powers(power, h)
-            best = find_first(P, C, S, W)
-        if arrives:
-            best = NO_ROOT
-            W.meeting.grazed[:] = NO_ROOT
-        end.arrives = int(arrives)
+        h, best = _look_for_arrival(P, C, S, R, W, h, best)
     fraction, folded = 1.0, False
     if step.time_row >= 0:
         fraction, best, folded, stopped = end_of_arc(P, C, best, step.stop, step.singular, W)
