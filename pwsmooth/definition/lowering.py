@@ -238,8 +238,10 @@ class ModelsByValues:
             here = self._here = _holding(self._field)
             many = len(self._field.switches) > _MOST_BY_VALUES
             self._may = not many and not _holding(replace(self._field, typical=())) <= here
+        if not self._may:
+            return self._models[None]
         there = replace(self._field, typical=tuple(parameters[p] for p in self._field.parameters))
-        if not self._may or (holding := _holding(there)) <= self._here:
+        if (holding := _holding(there)) <= self._here:
             return self._models[None]
         if holding not in self._models:
             self._models[holding] = lower(there)
