@@ -1,6 +1,6 @@
 """A model's first code and its optimised code: the same bits, and one after the other.
 
-Guards: codegen/machine/objects.py, codegen/machine/native.py, codegen/machine/vectors.py.
+Guards: codegen/machine/objects.py, codegen/machine/native.py, codegen/machine/vectors.py, codegen/machine/writer.py.
 """
 
 import _thread

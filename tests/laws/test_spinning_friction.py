@@ -34,7 +34,6 @@ def test_force_and_moment_are_the_elliptic_integrals(shape, exact, error):
 
 
 @functools.cache
-@functools.cache
 def spinning(law):
     """A body of mass 1 and inertia I, F_c = R = 1, on its contact, which a force and a moment push."""
     contact = law.attach(velocity=(u, v, spin))

@@ -77,16 +77,12 @@ class Sum(Value):
         if product is None:
             return f"{self.name} = {'fsub' if self.minus else 'fadd'} {a}, {b.name}"
         product.fused = True
-        first, second = map(str, product.parts)
-        other = str(b if product is a else a)
-        before = ""
-        if self.minus:  # a b - c, or c - a b
-            negative = f"{self.kind} {self.name}n"
-            before = f"{self.name}n = fneg {other if product is a else first}\n"
-            if product is a:
-                other = negative
-            else:
-                first = negative
+        (first, second), other = product.parts, b if product is a else a
+        before, negative = "", Value(self.kind, f"{self.name}n")
+        if self.minus and product is a:  # first second - other
+            before, other = f"{negative.name} = fneg {other}\n", negative
+        elif self.minus:  # other - first second
+            before, first = f"{negative.name} = fneg {first}\n", negative
         return f"{before}{self.name} = call {self.kind} @{FUSED[self.kind]}({first}, {second}, {other})"
 
 
@@ -142,12 +138,13 @@ class Writer:
         return "\n".join([*memory, *(line.line() if isinstance(line, Product) else line for line in found)])
 
     def name(self) -> str:
+        """A name that no other value of the function has."""
         self.count += 1
         return f"%v{self.count}"
 
     def add(self, kind: str, text: str, of: str = "") -> Value:
-        self.count += 1
-        name = f"%v{self.count}"
+        """Writes an instruction; its result."""
+        name = self.name()
         self.lines.append(f"{name} = {text}")
         return Value(kind, name, None, of)
 
