@@ -198,8 +198,6 @@ class System(DescribedSystem):
         self._check_values()
         self._notes: tuple[str, ...] = ()
         self._cache: dict = {}  # of views: their fields and models; what their initial states are read by
-        if not self._element:
-            self._cache["by values"] = ModelsByValues(self._field, self.model)
 
     @classmethod
     @checks.door(("events", "algebraic", "drives"))
@@ -477,8 +475,11 @@ class System(DescribedSystem):
             p = by_name.get(key) or checks.lookup(key, self.parameters, "`parameters`", "parameter")
             other.parameters[p] = checks.parameter_value(p, number)
         other._check_values()
-        if self.model in (models := self._cache.get("by values", ())):
-            other.model = models.at(other.parameters)
+        if not self._view and not self._element:
+            if "by values" not in self._cache:
+                self._cache["by values"] = ModelsByValues.where_they_tell(self._field, self.model)
+            if (models := self._cache["by values"]) and self.model in models:
+                other.model = models.at(other.parameters)
         return other
 
     def _extended(self, rates, outputs):

@@ -227,19 +227,21 @@ class ModelsByValues:
     """
 
     def __init__(self, field, model):
-        self._field, self._models, self._may = field, {None: model}, None
+        self._field, self._models, self._here = field, {None: model}, _holding(field)
+
+    @classmethod
+    def where_they_tell(cls, field, model):
+        """Those of a field in which values can tell, else None."""
+        if len(field.switches) > _MOST_BY_VALUES:
+            return None
+        found = cls(field, model)
+        return None if _holding(replace(field, typical=())) <= found._here else found
 
     def __contains__(self, model):
         return any(model is other for other in self._models.values())
 
     def at(self, parameters):
         """The model in which switches can hold that can at these values, or that of the field if it lets them."""
-        if self._may is None:
-            here = self._here = _holding(self._field)
-            many = len(self._field.switches) > _MOST_BY_VALUES
-            self._may = not many and not _holding(replace(self._field, typical=())) <= here
-        if not self._may:
-            return self._models[None]
         there = replace(self._field, typical=tuple(parameters[p] for p in self._field.parameters))
         if (holding := _holding(there)) <= self._here:
             return self._models[None]

@@ -19,7 +19,7 @@ from ..results.records import CONFLICTING_UPDATES, Ambiguity, EventRecord, Outco
 from ..results.solution import Solution
 from .call import Call, Options, is_smoothed
 from .clock import require_none_at_start
-from .words import singular_cause, singular_record
+from .words import singular_cause, words_of
 
 
 @dataclass(frozen=True)
@@ -124,26 +124,17 @@ def run(call: Call) -> Solution:
     return found
 
 
-def of_event(model, i):
-    """Name, kind and note of the model's event i."""
-    event = model.events[i]
-    if event.singular:
-        record = singular_record(model, event, 0.0)
-        return record.switch, record.kind, record.note
-    return event.name, "terminal" if event.terminal else "reset", ""
-
-
 def own(model, t_span, start, p, options, spending, words=None):
     """Times, states, events, dense output, outcome, cost and all columns of a run of the package's own integrator.
 
-    `words` gives name, kind and note of an event by its index and the state before it.
+    `words` gives switch, kind and note of an event by its index and the state before it.
     """
     from . import stiff_steps as stiff
 
     run = stiff.integrate(model, t_span, start, p, spending=spending, **options)
     outcome = Outcome(run.status)
     events = [
-        EventRecord(when, *(words(i, before) if words else of_event(model, i)))
+        EventRecord(when, *(words(i, before) if words else words_of(model, i)))
         for when, i, before, _ in run.events
         if model.events[i].recorded
     ]
@@ -155,7 +146,7 @@ def own(model, t_span, start, p, options, spending, words=None):
         cause = singular_cause(model, run.t[-1:], run.x[:, -1:], np.zeros((0, 1)), p, options["atol"])
         if cause is not None:
             outcome = Outcome.SINGULAR_POINT
-            events.append(singular_record(model, model.events[cause], float(run.t[-1])))
+            events.append(EventRecord(float(run.t[-1]), *words_of(model, cause)))
     cost = {**run.counters, "events": len(events)}
     t, x = run.t, run.x
     if run.t_eval is not None and run.x_eval is not None:

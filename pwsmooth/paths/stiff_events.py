@@ -25,7 +25,8 @@ from .budget import Budget
 from .call import Call
 from .clock import Periodic, periodic_switches, require_none_at_start
 from .event_driven import LOOSEST, prepared_run
-from .smoothed import explicit_alone, of_event, own
+from .smoothed import explicit_alone, own
+from .words import Words, words_of
 
 _FLAT = tuple(function for function, name in UNARY.items() if name in FLAT)
 WIDTH = sp.Float(1e-6)  # of the strip around a surface that is looked at where nothing tells its width
@@ -176,9 +177,9 @@ def run(call: Call) -> Solution:
     if not moved.size:
         return begun  # it stopped where it began, and says why
 
-    def words(i: int, before: np.ndarray) -> tuple[str, str, str]:
+    def words(i: int, before: np.ndarray) -> Words:
         if i < len(view.events) - m:
-            return of_event(view, i)
+            return words_of(view, i)
         came = int(before[n + i - len(view.events) + m])
         return view.events[i].name, "crossing", f"{came:+d} to {-came:+d}"
 

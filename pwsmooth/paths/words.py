@@ -5,18 +5,19 @@ Chain: kernels/state.py (the integers) -> **this file** -> event_driven.py.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import functools
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
 import sympy as sp
 
-from ..definition.model import EventSpec, Model
+from ..definition.model import Model
 from ..definition.singular import remedy
 from ..kernels import state as names
 from ..kernels.tangent.state import CORNER, GRAZES
 from ..results.outputs import vectorised
-from ..results.records import CONFLICTING_UPDATES, Ambiguity, EventRecord
+from ..results.records import CONFLICTING_UPDATES, Ambiguity
 
 KINDS = {
     names.EV_CROSSING: "crossing",
@@ -31,37 +32,36 @@ KINDS = {
     names.EV_ACCUMULATION: "accumulation",
     names.EV_RESET: "slip by reset",
 }
+Words = tuple[str, str, str]  # of an event: its switch, kind and note
 _STOPPED = 1e-7  # of an argument's size: a run into a singular point stops that near
 
 
-def event_words(model: Model) -> Any:
-    """(time, an event's record) -> EventRecord."""
-    kinds = KINDS
+def event_words(model: Model) -> Callable[..., Words]:
+    """What the kernels recorded of an event -> its switch, kind and note."""
     multipliers = model.multipliers
 
-    def words(t: float, index: int, kind: int, came: int, went: int) -> EventRecord:
+    @functools.cache
+    def words(index: int, kind: int, came: int, went: int) -> Words:
         if index >= len(multipliers):
-            event = model.events[index - len(multipliers)]
-            if event.singular:
-                return singular_record(model, event, t, kind == names.EV_REST, bool(went))
-            if kind == names.EV_ACCUMULATION:
-                return EventRecord(t, event.name, kinds[kind])
-            return EventRecord(t, event.name, "terminal" if event.terminal else "reset")
+            return words_of(model, index - len(multipliers), kind, bool(went))
         contact = multipliers[index].kind == "contact"
         note = "" if contact else f"{came:+d} to {went:+d}".replace("+0", "0")
-        return EventRecord(t, multipliers[index].symbol.name, kinds[kind], note)
+        return multipliers[index].symbol.name, KINDS[kind], note
 
     return words
 
 
-def singular_record(
-    model: Model, event: EventSpec, t: float, rests: bool = False, stands: bool = False
-) -> EventRecord:
-    """A singular argument that has come to 0: the motion rests there, or the run ends there."""
-    if rests:
-        return EventRecord(t, event.name, "rest", f"{event.surface} = 0")
-    zero = f"{event.surface} {'<=' if event.singular == 'end' and not stands else '='} 0"
-    return EventRecord(t, event.name, "singular point", f"{zero}: {remedy(model, event, stands)}")
+def words_of(model: Model, i: int, kind: int = names.EV_EVENT, stands: bool = False) -> Words:
+    """Switch, kind and note of the model's event i: also a singular argument that has come to 0."""
+    event = model.events[i]
+    if event.singular and kind == names.EV_REST:
+        return event.name, "rest", f"{event.surface} = 0"
+    if event.singular:
+        zero = f"{event.surface} {'<=' if event.singular == 'end' and not stands else '='} 0"
+        return event.name, "singular point", f"{zero}: {remedy(model, event, stands)}"
+    if kind == names.EV_ACCUMULATION:
+        return event.name, KINDS[kind], ""
+    return event.name, "terminal" if event.terminal else "reset", ""
 
 
 def singular_cause(model: Model, t: Any, x: Any, mult: Any, p: Any, atol: Any) -> int | None:

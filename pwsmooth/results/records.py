@@ -94,7 +94,7 @@ class EventLog(_Told, Sequence):
     codes : ndarray of int, shape (ne, k)
         What the kernels recorded of each, dimensionless.
     words : callable
-        (time, codes of the event) -> EventRecord.
+        Codes of an event -> its switch, kind and note.
 
     >>> x = sp.Symbol("x", real=True)
     >>> events = solve(System({x: -2 * sp.sign(x)}), (0, 5), {x: 1}).events
@@ -102,7 +102,7 @@ class EventLog(_Told, Sequence):
     (1, 'stick')
     """
 
-    def __init__(self, times: np.ndarray, codes: np.ndarray, words: Callable[..., EventRecord]) -> None:
+    def __init__(self, times: np.ndarray, codes: np.ndarray, words: Callable[..., Sequence[str]]) -> None:
         self.times, self.codes, self._words = times, codes, words
 
     def __len__(self) -> int:
@@ -111,7 +111,7 @@ class EventLog(_Told, Sequence):
     def __getitem__(self, i: Any) -> Any:
         if isinstance(i, slice):
             return Listed(self[k] for k in range(*i.indices(len(self))))
-        return self._words(float(self.times[i]), *self.codes[i].tolist())
+        return EventRecord(float(self.times[i]), *self._words(*self.codes[i].tolist()))
 
     def times_of(self, wanted: Callable[[EventRecord], bool]) -> np.ndarray:
         """Times of the events that `wanted` accepts; it is asked once for each switch and kind.

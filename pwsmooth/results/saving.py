@@ -20,7 +20,7 @@ import numpy as np
 from ..definition import tree
 from ..system import System
 from .assembly import COLUMNS, Catalogue, Recorded
-from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome, StepPolynomials
+from .records import Ambiguity, Dense, EventLog, Outcome, StepPolynomials
 
 _FORMAT = "pwsmooth solution"
 _VERSION = 1
@@ -155,7 +155,7 @@ def _arguments(text: dict[str, Any], arrays: dict[str, np.ndarray]) -> dict[str,
         "events": EventLog(
             event_t,
             np.stack([which, np.zeros_like(which)], axis=1),
-            lambda time, i, _: EventRecord(time, *kinds[i]),
+            lambda i, _: kinds[i],
         ),
         "dense": dense,
         "outcome": Outcome[text["outcome"]],

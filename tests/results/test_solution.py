@@ -379,13 +379,13 @@ def test_the_repr_tells_outcome_events_itinerary_cost_and_ambiguities():
 def test_events_are_put_into_words_on_demand_and_pickled_as_records():
     asked = []
 
-    def words(time, index, kind):
-        asked.append(time)
-        return EventRecord(time, f"switch {index}", f"kind {kind}")
+    def words(index, kind):
+        asked.append((index, kind))
+        return f"switch {index}", f"kind {kind}"
 
     log = EventLog(np.array([0.5, 0.7, 1.0]), np.array([[0, 3], [1, 3], [0, 4]]), words)
     assert len(log) == 3 and not asked
-    assert log[-1] == EventRecord(1.0, "switch 0", "kind 4") and asked == [1.0]
+    assert log[-1] == EventRecord(1.0, "switch 0", "kind 4") and asked == [(0, 4)]
     assert [e.time for e in log[:2]] == [0.5, 0.7]
     sol = block_solution(events=log)
     assert pickle.loads(pickle.dumps(sol)).events == list(log)

@@ -391,7 +391,7 @@ def quiet_time(run: Solution, period: float) -> float | None:
 
     Also of a short slip, where that is farther from its ends.
     """
-    times = np.array([e.time for e in run.events])
+    times = run.event_times()
     edge = min(times[0] - run.t[0], run.t[-1] - times[-1]) if times.size else math.inf
     if edge > NEAR * period:
         return None
