@@ -219,6 +219,7 @@ class Record(Bundle):
     most_unsure: "int"
     event_t: "f8[events]"
     event: "i8[events, 4]"  # surface index, kind, from, to
+    push: "f8[pushes, m]"  # of events that are impacts: Contacts.push; without rows where there are no contacts
     ambiguity_t: "f8[unsure]"
     ambiguity: "i8[unsure, 3]"  # multiplier, kind, taken
     dense: (

@@ -231,6 +231,9 @@ class Contacts(Bundle):
     load: "f8[contacts]"
     impulse: "f8[contacts]"
     together: "f8[contacts]"  # speeds after the impulses
+    rebound: "float"  # speed after that of one alone
+    push: "f8[m]"  # impulses of the instant, and the lambda of the friction in them
+    pushed: "f8[m]"  # impulses of which that lambda is the mean
     delassus: "f8[contacts, contacts]"
     pivots: "f8[contacts, contacts + 1]"
     solved: "f8[n]"  # state after impulses with friction

@@ -7,6 +7,7 @@ Chain: solve -> **this file** -> event_driven.py.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -150,7 +151,8 @@ def _undo_at_once(mirrored: Any, given: Any, at: float) -> tuple[EventRecord | N
 def _forward(event: EventRecord) -> EventRecord:
     """An event of the mirrored run as it happens forward."""
     came, to, went = event.note.partition(" to ")
-    return EventRecord(-event.time, event.switch, event.kind, f"{went}{to}{came}" if to else event.note)
+    note = f"{went}{to}{came}" if to else event.note
+    return replace(event, time=-event.time, note=note)
 
 
 def where_it_ends(run: Solution, mirrored: Any, ends: frozenset[str]) -> EventRecord | None:

@@ -17,6 +17,7 @@ from ..codegen.machine.units import METHODS, trajectory_loop
 from ..definition.model import Model
 from ..door import calls, checks
 from ..kernels import state as names
+from ..results.impulses import ImpulsesOf
 from ..results.records import Dense, EventLog, Outcome, course
 from ..results.solution import Solution
 from . import memory
@@ -188,6 +189,8 @@ class EventDriven:
             self.most_rows = _MOST_ROWS // (8 * (parts.code.n + parts.code.m) * (self.order + 1))
         self.work = parts.work(self.order)
         self.words = event_words(model)
+        self.collides = any(mu.kind == "contact" for mu in model.multipliers)
+        self.impulses_of = ImpulsesOf(model) if self.collides else None
         self.max_steps, self.slice = options.max_steps, first_slice(parts.code.n + parts.code.m)
         self.limits = dict(
             order=self.order, rtol=rtol, atol=np.maximum(atol, 1e-300), t_end=0.0,
@@ -405,6 +408,7 @@ class EventDriven:
         sizes = dict(
             n=n, m=m, order=self.order, room=room, pieces=pieces, polynomials=n + m + self.dense, tapes=tapes,
             events=room + self.most["most_events"], unsure=room + self.most["most_unsure"],
+            pushes=room + self.most["most_events"] if self.collides else 0,
         )  # fmt: skip
         return names.Record.planned(sizes, undefined=names.Record.members)
 
@@ -451,6 +455,8 @@ class EventDriven:
             "t": record.t[:points], "x": record.x[:points], "mult": record.mult[:points],
             "status": record.status[:points], "event_t": record.event_t[:events], "event": record.event[:events],
         }  # fmt: skip
+        if self.collides:
+            parts["push"] = record.push[:events]
         if ambiguities := number(_Cells.ambiguities):
             parts |= {name: getattr(record, name)[:ambiguities] for name in ("ambiguity_t", "ambiguity")}
         if self.tape:  # and a line for its end
@@ -503,8 +509,7 @@ class EventDriven:
             # Its first multipliers were not found: the start is all there is, and they are not known.
             t, x, status = np.array([state.t]), state.x[None].copy(), state.status[None].copy()
             mult = np.full((1, len(state.mult)), np.nan)
-        event_t = kept["event_t"]
-        events = kept["event"]
+        event_t, events, impulses = kept["event_t"], kept["event"], None
         done = code == Outcome.FINISHED  # of most runs: to ask the enumeration takes 4 % of a short one
         outcome = Outcome.FINISHED if done else self._outcome(code, problem, state, event_t, events)
         if outcome in _BREAKDOWNS:
@@ -517,6 +522,9 @@ class EventDriven:
         if families and families.told_beside is not None:
             once = families.told_once(events[:, 0])
             event_t, events = event_t[once], events[once]
+            kept = kept | {"push": kept["push"][once]} if self.collides else kept
+        if self.impulses_of:
+            impulses = self.impulses_of(event_t, events, kept["push"], t, x, problem.p, times is not None)
         number = state.cells.item
         cost = {
             "steps": number(_Cells.steps),
@@ -553,7 +561,7 @@ class EventDriven:
         def solution(t: Any, x: Any, mult: Any, status: Any, course: Any = None) -> Solution:
             return Solution(
                 system, t, x.T, levels.show(mult.T, status.T) if levels else mult.T, status.T,
-                EventLog(event_t, events, self.words), dense, outcome, cost, self.tolerances, ambiguities,
+                EventLog(event_t, events, self.words, impulses), dense, outcome, cost, self.tolerances, ambiguities,
                 system.parameters, course,
             )  # fmt: skip
 

@@ -76,7 +76,7 @@ class SmallSystem:
             "hubs": 0, "onset": 0, "room": 16,
             "contacts": min(run.contacts * run.n, _TOUCHING), "contact": run.contacts * members,
             "joint": min(coupled * run.n, MOST), "struck": min(rubs, _STRUCK),
-            "pieces": 0, "polynomials": 0, "order": 0, "tapes": 0, "times": 0,
+            "pieces": 0, "polynomials": 0, "order": 0, "tapes": 0, "times": 0, "pushes": 0,
             "p": len(run.p_fixed) - len(run.own_parameters)
             + (len(run.own_parameters) + len(run.template.felt)) * places,
             "g_col": entries, "link_col": len(run.link_block) * members, "dh_col": gradients,

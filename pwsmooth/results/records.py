@@ -6,7 +6,7 @@ Kernels return integers and arrays; these records carry them in words.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -46,16 +46,31 @@ class EventRecord:
         "rest" (an argument of a root has come to 0 in finite time), "singular point".
     note : str
         What else is to be said.
+    impulse : dict of str to float, or None
+        Of an impact that an event-driven run has met: by name what each reaction, and each output that is linear in the
+        reactions, integrates to over the instant, in its unit times that of time. None of other events, of impacts
+        too many to count (accumulations) and of local runs.
 
     >>> x = sp.Symbol("x", real=True)
     >>> print(solve(System({x: -2 * sp.sign(x)}), (0, 5), {x: 1}).events[0])
     t = 0.5: stick [sgn(x)] (+1 to 0)
+
+    A ball of 2 kg that slides along a table as it lands, with the friction of 0.3 times its weight:
+
+    >>> y, v, u = sp.symbols("y v u", real=True)
+    >>> table = Unilateral(y, restitution=0.5, name="R")
+    >>> friction = -0.3 * table.reaction * sp.sign(u)
+    >>> ball = System({y: v, v: -10 + table.reaction / 2, u: friction / 2}, contacts=[table], outputs={"T": friction})
+    >>> sol = solve(ball, (0, 0.3), {y: 0.2, v: 0, u: 4})
+    >>> {name: round(impulse, 3) for name, impulse in sol.events[0].impulse.items()}  # 2 kg (2 + 1) m/s; N s
+    {'R': 6.0, 'T': -1.8}
     """
 
     time: float
     switch: str
     kind: str
     note: str = ""
+    impulse: dict[str, float] | None = field(default=None, hash=False)
 
     def __str__(self) -> str:
         note = f" ({self.note})" if self.note else ""
@@ -95,6 +110,8 @@ class EventLog(_Told, Sequence):
         What the kernels recorded of each, dimensionless.
     words : callable
         Codes of an event -> its switch, kind and note.
+    impulses : callable, optional
+        Index of an event -> its impulse, or None.
 
     >>> x = sp.Symbol("x", real=True)
     >>> events = solve(System({x: -2 * sp.sign(x)}), (0, 5), {x: 1}).events
@@ -102,8 +119,12 @@ class EventLog(_Told, Sequence):
     (1, 'stick')
     """
 
-    def __init__(self, times: np.ndarray, codes: np.ndarray, words: Callable[..., Sequence[str]]) -> None:
-        self.times, self.codes, self._words = times, codes, words
+    _impulses: Callable[[int], dict[str, float] | None] | None = None
+
+    def __init__(
+        self, times: np.ndarray, codes: np.ndarray, words: Callable[..., Sequence[str]], impulses: Any = None
+    ) -> None:
+        self.times, self.codes, self._words, self._impulses = times, codes, words, impulses
 
     def __len__(self) -> int:
         return len(self.times)
@@ -111,7 +132,8 @@ class EventLog(_Told, Sequence):
     def __getitem__(self, i: Any) -> Any:
         if isinstance(i, slice):
             return Listed(self[k] for k in range(*i.indices(len(self))))
-        return EventRecord(float(self.times[i]), *self._words(*self.codes[i].tolist()))
+        impulse = self._impulses(range(len(self))[i]) if self._impulses else None
+        return EventRecord(float(self.times[i]), *self._words(*self.codes[i].tolist()), impulse)
 
     def times_of(self, wanted: Callable[[EventRecord], bool]) -> np.ndarray:
         """Times of the events that `wanted` accepts; it is asked once for each switch and kind.

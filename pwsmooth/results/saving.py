@@ -42,6 +42,9 @@ def pack(solution: Any) -> bytes:
     which = [kinds.setdefault((e.switch, e.kind, e.note), len(kinds)) for e in events]
     arrays = {name: getattr(solution, name) for name in ("t", "x", "mult", "status")}
     arrays |= {"event_t": np.array([e.time for e in events], float), "event_kind": np.array(which, np.int64)}
+    impulses = [e.impulse or {} for e in events]
+    if impulsive := sorted({name for impulse in impulses for name in impulse}):
+        arrays["event_impulse"] = np.array([[i.get(name, np.nan) for name in impulsive] for i in impulses])
     if solution.course:
         arrays["course_t"], arrays["course_status"] = solution.course
     text = {
@@ -54,6 +57,7 @@ def pack(solution: Any) -> bytes:
         "cost": solution.cost,
         "tolerances": solution.tolerances,
         "event kinds": list(kinds),
+        "impulses": impulsive,
         "ambiguities": [asdict(a) for a in solution.ambiguities],
         "noise": None if solution.noise is None else str(solution.noise),
         "dense": None,
@@ -156,6 +160,7 @@ def _arguments(text: dict[str, Any], arrays: dict[str, np.ndarray]) -> dict[str,
             event_t,
             np.stack([which, np.zeros_like(which)], axis=1),
             lambda i, _: kinds[i],
+            _impulses(text["impulses"], arrays["event_impulse"]) if text.get("impulses") else None,
         ),
         "dense": dense,
         "outcome": Outcome[text["outcome"]],
@@ -168,6 +173,11 @@ def _arguments(text: dict[str, Any], arrays: dict[str, np.ndarray]) -> dict[str,
         "course": course,
         "backward": bool(text.get("backward", False)),
     }
+
+
+def _impulses(names: list[str], rows: np.ndarray) -> Any:
+    """Index of an event -> its impulse."""
+    return lambda i: {name: v for name, v in zip(names, rows[i].tolist()) if not np.isnan(v)} or None
 
 
 def _kept(text: dict[str, Any], arrays: dict[str, np.ndarray]) -> dict[str, Any]:

@@ -45,10 +45,13 @@ from .impacts import (
     INCONSISTENT,
     UNCHANGED,
     UNSOLVABLE,
+    begin_impulses,
     collide,
     find_couplings,
     kick,
+    note_rebound,
     rebound,
+    record_impulses,
     solve_chosen,
 )
 from .surface_rates import approach_speed, evaluate_surfaces
@@ -380,6 +383,7 @@ def impact_to_the_end(P, S, R, W, endless):
             gap[size] = 0.0 if met else max(W.h[j], 0.0)
             size += 1
     solved = True
+    begin_impulses(P, S, W)
     for _ in range(_MOST_IMPACTS if endless else _MOST_OF_COLLAPSE):
         found, first, moves = -1, math.inf, False
         for a in range(size):
@@ -395,9 +399,14 @@ def impact_to_the_end(P, S, R, W, endless):
             largest = max(largest, gap[a])
         for a in range(size if 0.0 < largest < _SMALLEST_GAP else 0):
             gap[a] /= largest
-        solved = rebound(P, S, R, W, contacts.touching[found], False) >= UNCHANGED
+        j = contacts.touching[found]
+        evaluate_surfaces(P, S, W)
+        mobility = entry(P.g_row, P.g_col, W.G, j, j)
+        code = rebound(P, S, R, W, j, False)
+        solved = code >= UNCHANGED
         if not solved:
             break
+        note_rebound(W, j, code, contacts.speed[found], mobility)
         impacts[found] = 1
     if not solved or found >= 0:
         for i in range(P.n):
@@ -411,6 +420,7 @@ def impact_to_the_end(P, S, R, W, endless):
             forget_intervals(S.last[j], S.t)
             W.instant.hit[j] = True
             S.deflate[j] = 1
+    record_impulses(S, R, W, told)
     W.instant.jumped = 1
     return True
 

@@ -20,6 +20,7 @@ from ..machine.pointers import call_act, call_fields
 from ..state import (
     AMB_IMPACTS,
     COMPONENT,
+    CONTACT,
     DISC,
     EV_IMPACT,
     SLIDING,
@@ -98,6 +99,43 @@ def kick(P, S, W, j, impulse):
     S.mult[j] = mult
     for i in range(P.n):
         S.x[i] += impulse * ((W.dx[i] - W.contacts.after[i]) / (2.0 * _HEAVY))
+
+
+@kernel
+def begin_impulses(P, S, W):
+    """Nothing has been struck yet at this instant."""
+    for k in range(P.m):
+        W.contacts.push[k], W.contacts.pushed[k] = 0.0 if P.kind[k] == CONTACT else S.mult[k], 0.0
+
+
+@kernel
+def note_rebound(W, j, code, speed, mobility):
+    """Notes the impulse of contact j, which has met with this speed and rebounded alone."""
+    if code == CHANGED:
+        _note_friction(W)
+    else:
+        W.contacts.push[j] += (W.contacts.rebound - speed) / mobility
+
+
+@kernel
+def _note_friction(W):
+    """Notes the impulses of the group, and the lambda of their friction: the mean of what they have had."""
+    contacts, group, sum_ = W.contacts, W.struck, 0.0
+    for r in range(group.contacts):
+        contacts.push[group.member[r]] += group.value[r]
+        sum_ += group.value[r]
+    for r in range(group.contacts, group.size if sum_ > 0.0 else group.contacts):
+        k = group.member[r]
+        contacts.pushed[k] += sum_
+        contacts.push[k] += (group.value[r] - contacts.push[k]) * (sum_ / contacts.pushed[k])
+
+
+@kernel
+def record_impulses(S, R, W, first):
+    """Writes the impulses of the instant beside the impacts that were recorded from `first` on."""
+    for i in range(first, S.events if R.push.shape[0] > 0 else first):
+        for k in range(R.push.shape[1]):
+            R.push[i, k] = W.contacts.push[k]
 
 
 @kernel
@@ -463,7 +501,7 @@ def rebound(P, S, R, W, j, taped):
     same = code == UNCHANGED or _slips_on(P, S, W)
     if same and code == CHANGED:
         _restore(P, S, W)
-    _rebound(P, S, W, j)
+    W.contacts.rebound = _rebound(P, S, W, j)
     if taped and R.tape.shape[0] > 0:
         if not same:
             put_on_tape(P, S, R, TAPE_MEET, TAPE_OTHER, j, 0, 0.0)
@@ -526,6 +564,7 @@ def _rebound_together(P, S, R, W, size):
     if code < UNCHANGED:
         return code
     if code == CHANGED:
+        _note_friction(W)
         _stop_what_sticks(P, S, W)
         for a in range(size):
             contacts.together[a] = approach_speed(P, S, contacts.touching[a], W)
@@ -557,6 +596,8 @@ def collide(P, S, R, W, size):
         approaching = approaching or contacts.speed[a] < -contacts.at_rest[a]
     if not approaching:
         return UNCHANGED
+    first = S.events
+    begin_impulses(P, S, W)
     find_couplings(P, S, W, size)
     for a in range(size if size > 1 else 0):
         contacts.load[a] = contacts.speed[a]
@@ -573,17 +614,20 @@ def collide(P, S, R, W, size):
                 put_on_tape(P, S, R, TAPE_MEET, TAPE_OTHER, j, 0, 0.0)
             if together == _PUSHED and contacts.impulse[a] > 0.0:
                 kick(P, S, W, j, contacts.impulse[a])
+                contacts.push[j] = contacts.impulse[a]
         elif meets:
             code = rebound(P, S, R, W, j, True)
             if code < UNCHANGED or (code == UNCHANGED and contacts.delassus[a, a] < 0.0):
                 return (
                     INCONSISTENT  # an impulse along the friction of the slip drives the bodies into each other
                 )
+            note_rebound(W, j, code, contacts.speed[a], contacts.delassus[a, a])
         if meets:
             keep_on_surface(P, S, j, W)
             S.deflate[j] = 1
             W.instant.hit[j] = True
             note_arc(S, j, contacts.speed[a])
             record_event(S, R, j, EV_IMPACT, 1, 1)
+    record_impulses(S, R, W, first)
     W.instant.jumped = 1
     return CHANGED

@@ -12,7 +12,7 @@ import sympy as sp
 
 from pwsmooth import Disc, Outcome, System, Unilateral, solve
 
-x, y, u, w, a, va, b, vb, turn = sp.symbols("x y u w a va b vb turn", real=True)
+x, y, u, v, w, a, va, b, vb, turn = sp.symbols("x y u v w a va b vb turn", real=True)
 mu, e = sp.symbols("mu e", nonnegative=True)
 k = sp.Symbol("k", real=True)
 
@@ -93,7 +93,8 @@ def bodies(n, contacts, dimension):
         force += N * (G[c, :].T - rough[c] * rows.T * sp.Matrix([lam[i] for i in range(dimension)]))
     rates = dict(zip(q, v, strict=True)) | {s: m * f for s, m, f in zip(v, light, force, strict=True)}
     symbols = (*G, *H, *light, *rough, *back)
-    system = System(rates, parameters=dict.fromkeys(symbols, 0.5))
+    outputs = {f"force{i}": force[i] for i in range(n)}
+    system = System(rates, parameters=dict.fromkeys(symbols, 0.5), outputs=outputs)
     return system, symbols
 
 
@@ -159,6 +160,10 @@ def test_every_impact_obeys_the_law(n, contacts, dimension, redundant):
         run = solve(system, (0, 1 + 1e-9), [*-v, *v], parameters=dict(zip(symbols, values, strict=True)))
         assert run.outcome is Outcome.FINISHED, run.message
         assert breaks_the_law(v, run.x[n:, -1], *tables, dimension) < 1e-7
+        # What the impacts say of their impulses is the change of momentum. Those that act together say the same.
+        rounds = {tuple(event.impulse.items()) for event in run.events if event.kind == "impact"}
+        gained = sum(np.array([dict(r)[f"force{i}"] for i in range(n)]) for r in rounds)
+        assert gained == pytest.approx((run.x[n:, -1] - v) / tables[2], abs=1e-8)
         seen += 1
     assert seen >= 8
 
@@ -174,3 +179,34 @@ def test_friction_that_is_not_in_the_push_does_nothing_in_an_impact(strength, re
     at = np.searchsorted(run.t, run.event_times("impact")[0])
     assert run.success and run["w"][at] == run["w"][at + 1] > 0.4
     assert run["u"][at + 1] == pytest.approx(-restitution * run["u"][at], abs=1e-14)
+
+
+def test_a_pile_tells_the_impulses_of_all_that_touch():
+    # A mass of 2 lands with speed 4 on one of 3 that lies on the ground: 8 in one, through the other, into the ground.
+    ground, top = Unilateral(a, name="ground").reaction, Unilateral(b - a, name="top").reaction
+    pile = System({a: va, b: vb, va: -10 + (ground - top) / 3, vb: -10 + top / 2})
+    run = solve(pile, (0, 0.5), {a: 0, va: 0, b: 0.8, vb: 0})
+    (landing,) = [event for event in run.events if event.kind == "impact"]
+    assert landing.switch == "top" and landing.impulse == pytest.approx({"ground": 8, "top": 8})
+    assert all(event.impulse is None for event in run.events if event.kind != "impact")
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_impulses_are_in_the_unit_of_the_reaction_and_go_back_in_time(unit):
+    N = Unilateral(y, restitution=e, name="floor").reaction
+    ball = System({y: w, w: -10 * k + N / 2}, parameters={e: 0.5, k: 1.0}, outputs={"twice": 2 * N})
+    run = solve(ball, (0, 0.7), {y: 0.8 * unit, w: 0}, parameters={k: unit}, t_eval=[0.1, 0.7])
+    assert [event.impulse["floor"] for event in run.events] == pytest.approx([12 * unit])
+    assert run.events[0].impulse["twice"] == 2 * run.events[0].impulse["floor"]
+    back = solve(ball, (0.7, 0), run.x[:, -1], parameters={k: unit})
+    assert [event.impulse["floor"] for event in back.events] == pytest.approx([12 * unit], rel=1e-6)
+
+
+def test_impacts_that_follow_at_one_instant_tell_their_sum():
+    # A heavy body drives a light one to a wall: what the wall gives is the change of momentum of both.
+    A, B = Unilateral(x, restitution=1, name="A"), Unilateral(y - x, restitution=1, name="B")
+    squeeze = System({x: v, y: w, v: A.reaction - B.reaction, w: B.reaction / 10_000})
+    run = solve(squeeze, (0, 1), {x: 1e-15, y: 2e-15, v: 0, w: -1})
+    rounds = {(event.time, *event.impulse.items()) for event in run.events if event.kind == "impact"}
+    total = sum(dict(r[1:]).get("A", 0.0) for r in rounds)
+    assert total == pytest.approx(run["v"][-1] + 10_000 * run["w"][-1] + 10_000, rel=1e-9)
