@@ -256,8 +256,8 @@ class Unilateral:
     """A unilateral constraint 0 <= h, complementary to its reaction R >= 0.
 
     The reaction stands in the rates of the velocities, in the direction in which it pushes. Impacts follow
-    Newton's law; a closed contact carries the R that keeps d2h/dt2 = 0, until R would become negative. What R integrates to
-    over an impact is the `impulse` of that event of the solution.
+    Newton's law; a closed contact carries the R that keeps d2h/dt2 = 0, until R would become negative. What R
+    integrates to over an impact is the `impulse` of that event of the solution.
 
     Parameters
     ----------
