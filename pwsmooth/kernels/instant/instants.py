@@ -296,7 +296,7 @@ def _settle_switches(P, C, S, R, W):
         hold_what_rests(P, S, R, W)
     switched = jumped
     size = 0
-    inside = not jumped and _note_those_inside(P, S, W)
+    inside = _note_those_inside(P, S, W)
     for j in range(m):
         if not instant.hit[j] or P.kind[j] >= DISC or status[j] == HELD:
             continue

@@ -13,6 +13,10 @@ from pwsmooth import Algebraic, Disc, Event, Memory, Switch, System, Unilateral,
 t, x, y, v, a, c, w, q = sp.symbols("t x y v a c w q", real=True)
 n, m, s, pause = (Memory(name, 0) for name in ("n", "m", "s", "pause"))
 THIRD = sp.Rational(1, 3)
+TOOTH = System(
+    {x: sp.Piecewise((0, sp.Mod(y, c) < c), (1, True)), y: s}, time=t, parameters={q: 1, c: 1},
+    events=[Event(at=1, update={s: q})],
+)  # fmt: skip
 METHODS = pytest.mark.parametrize("method", ["auto", "rk"])
 
 
@@ -270,3 +274,13 @@ def test_a_condition_holds_the_motion_at_the_values_of_the_run_whatever_the_decl
     run = solve(tank, (0, 4), {x: 0}, parameters={c: level})
     assert run.success and run["x"][-1] == pytest.approx(min(level, 1), abs=1e-12)
     assert solve(tank, (0, 4), {x: 0})["x"][-1] == 1
+
+
+@METHODS
+@pytest.mark.parametrize("middle", [0.5, 0.75])
+@pytest.mark.parametrize(("before", "after"), [(0.75, 0.25), (0.75, -0.25), (-0.75, 0.25), (-0.75, -0.25)])
+def test_a_condition_on_a_tooth_goes_with_the_tooth_also_where_a_ramp_bends(before, middle, after, method):
+    """Mod(y, c) < c always holds: its surface is 0 where the tooth steps, here as the ramp bends, and then -c."""
+    given = {c: 0.25, q: after}
+    run = solve(TOOTH, (0, 1.8), {x: 0, y: middle - before, s: before}, parameters=given, method=method)
+    assert run.success and abs(run["x"][-1]) < 1e-9
