@@ -5,6 +5,8 @@ Every one is a C function of pointers to doubles, reached by address:
     fields(t, x, mult, p, dx, h, g)      linear(t, x, mult, p, G, dh)      outputs(t, x, mult, p, out)
     act(i, t, x, mult, p, xnew) -> 1 if event i fired                     layer(t, x, mult, z, p, g, q)
 
+Behind the events `act` knows the multipliers: a contact's impact; whether a switch that rests on its surface is 1.
+
 `linear` fills the entries of two sparse matrices by rows: G = dg/dmult (its diagonal always among them) and
 dh = dh/dx, behind which stand the derivatives dh/dt. Their rows and columns are constants of its module.
 
@@ -17,7 +19,7 @@ import itertools
 
 import sympy as sp
 
-from ..definition.model import Model
+from ..definition.model import Model, Multiplier
 from .graph.dag import Graph
 from .graph.scalar import HELPERS, ScalarCode, Writer, write_update
 from .graph.slopes import derivative
@@ -131,9 +133,17 @@ def write_fields(model: Model) -> dict[str, str]:
 
 
 def updates(model: Model) -> list[tuple[sp.Basic, list[tuple[int, sp.Expr, bool]]]]:
-    """(condition, what is written) of the resets of the events, then of the impacts of the contacts."""
+    """(condition, what is written) of the events, then of the multipliers: the impacts of contacts, and whether a
+    switch that stays on its surface is 1, which writes nothing."""
     acts = [(e.when, e.writes(model.states)) for e in model.events]
-    return acts + [(sp.true, [(i, e, False) for i, e in enumerate(m.impact or ())]) for m in model.multipliers]
+    return acts + [
+        (above_at_zero(m), [(i, e, False) for i, e in enumerate(m.impact or ())]) for m in model.multipliers
+    ]
+
+
+def above_at_zero(m: Multiplier) -> sp.Basic:
+    """The condition on which a multiplier is 1, not -1, where its surface stays at 0, else true."""
+    return sp.Gt(m.at_zero, 0) if isinstance(m.at_zero, sp.Expr) else sp.true
 
 
 def _write_act(source: Source, graph: Graph) -> None:

@@ -74,9 +74,8 @@ class Lifting:
         self._symbols: dict[sp.Symbol, sp.Expr] = dict(stand_ins or {})  # a user's symbol -> what stands for it
         self._memo: dict[tuple, sp.Basic] = {}
         self._may_register, self._at_instant = True, False
-        self.at_zero: dict[
-            sp.Symbol, int
-        ] = {}  # multiplier -> its value where its surface stays at 0, as conditions say
+        # Multiplier -> its value where its surface stays at 0, as conditions say, or an expression of its sign.
+        self.at_zero: dict[sp.Symbol, int | sp.Expr] = {}
         self._given: set[sp.Symbol] = set()
         self._bent: set[sp.Symbol] = set(bent)  # such switches, and the multipliers that stand for them
         for switch in user_switches:
@@ -255,7 +254,7 @@ class Lifting:
         if factors is None:
             return self._choose(h, _const(sp.S.One), _const(-sp.S.One), sides, at_zero=_const(sp.S.Zero))
         result = sp.S.One
-        self._note_at_zero(*factors, 0)
+        self._note_at_zero(*factors, sp.S.Zero)
         for surface in factors[1]:
             if isinstance(surface, tuple):
                 orientation, lam = surface
@@ -391,7 +390,10 @@ class Lifting:
         if not self._may_register and self._find(wave) is None:
             return sp.floor(u + (self._rounding(u + 1) if self._at_instant else 0))
         even, odd = (2 * Whole((u - parity - sp.S.Half) / 2) + parity for parity in (0, 1))
-        return self._choose(wave, _const(even), _const(odd), sides, at_zero=_const(Whole(u)))
+        # At the integer n the floor is n, as above it: cos(pi n) is the side of the wave there.
+        return self._choose(
+            wave, _const(even), _const(odd), sides, at_zero=_const(Whole(u)), meant=sp.cos(sp.pi * u)
+        )
 
     def _inside_kinks(self, func, args):
         """A root or logarithm of Max(0, d) is taken of the active branch: its series at 0 does not exist."""
@@ -471,18 +473,25 @@ class Lifting:
 
     # ---- surfaces
 
-    def _choose(self, h, above, below, sides, at_zero=None, jumps=True):
-        """above(sides) where h > 0, below(sides) where h < 0; `at_zero` for what is 0 and stays there. Without `jumps`
-        both agree where h = 0."""
-        meant = None if at_zero is None else (at_zero is above) - (at_zero is below)
+    def _choose(self, h, above, below, sides, at_zero=None, jumps=True, meant=None):
+        """above(sides) where h > 0, below(sides) where h < 0; `at_zero` for what is 0 and stays there, on the side of
+        the sign of `meant`. Without `jumps` both agree where h = 0."""
+        if meant is None and at_zero is not None:
+            meant = sp.Integer((at_zero is above) - (at_zero is below))
         if h.is_number:
             return (above if h > 0 else below if h < 0 else at_zero or below)(sides)
         lam = self._inside(h, jumps)
         if lam is not None:
             above_, below_ = (
                 self._choose(
-                    h.xreplace({lam: sp.Integer(side)}), above, below, sides | {lam: side}, at_zero, jumps
-                )
+                    h.xreplace({lam: sp.Integer(side)}),
+                    above,
+                    below,
+                    sides | {lam: side},
+                    at_zero,
+                    jumps,
+                    None if meant is None else meant.xreplace({lam: sp.Integer(side)}),
+                )  # fmt: skip
                 for side in ((sides[lam],) * 2 if lam in sides else (1, -1))
             )
             return Select(lam, above_, below_)
@@ -538,11 +547,16 @@ class Lifting:
         return _ROUNDING * sp.Add(*sizes)
 
     def _note_at_zero(self, sign, surfaces, meant):
-        """Notes which side is meant (1 above, -1 below, 0 neither) where the surface of one switch is 0 and stays."""
+        """Notes which side is meant (that of the sign of `meant`, 0 neither) where the surface of one switch is 0 and
+        stays."""
         if meant is not None and self._may_register and len(surfaces) == 1 and isinstance(surfaces[0], tuple):
             orientation, lam = surfaces[0]
             side = sign * orientation * meant
-            self.at_zero[lam] = side if self.at_zero.get(lam, side) == side else BOTH
+            known = self.at_zero.setdefault(lam, int(side) if side.is_number else side)
+            alike = known == side or (
+                side.free_symbols and known != BOTH and factor_between(side, sp.S(known)) > 0
+            )
+            self.at_zero[lam] = known if alike else BOTH
 
     def _by_factors(self, sign, surfaces, above, below, at_zero, sides):
         if not surfaces:

@@ -55,7 +55,9 @@ class Field:
     typical: tuple[float, ...] = ()  # of the parameters: the size and order that they have
     members: dict[sp.Symbol, tuple[str, int]] = field(default_factory=dict)  # members of families
     sums: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()  # over families that are not written out
-    at_zero: dict[sp.Symbol, int] = field(default_factory=dict)  # of switches, as that of a Multiplier
+    at_zero: dict[sp.Symbol, int | sp.Expr] = field(
+        default_factory=dict
+    )  # of switches, as that of a Multiplier
 
     def expressions(self):
         """All expressions whose symbols must be known."""
@@ -184,6 +186,7 @@ class Field:
             "algebraic": tuple((s, change(r)) for s, r in self.algebraic),
             "outputs": tuple((name, change(e)) for name, e in self.outputs),
             "sums": tuple((s, change(e)) for s, e in self.sums),
+            "at_zero": {s: change(e) if isinstance(e, sp.Expr) else e for s, e in self.at_zero.items()},
             "events": events,
         }
         return replace(self, **(mapped | fields))

@@ -503,7 +503,8 @@ def _between(field, index, unknowns, ends):
     regularity, hidden = lowering.classify(field, index, residual)
     if hidden or (regularity == "crossing" and second_derivative(field, index, residual) is not None):
         raise NoTemplate("a switch that can hold neighbours together")
-    return Multiplier(lam, "switch", sp.S.Zero, h, regularity)
+    at_zero = field.at_zero.get(lam) if regularity != "sliding" else None
+    return Multiplier(lam, "switch", sp.S.Zero, h, regularity, at_zero=at_zero)
 
 
 def _cubic(e, lam):

@@ -6,8 +6,8 @@ from .machine.block import Bundle
 # is lambda . lambda while it sticks and 1 while it slips; its components follow it.
 SLIDING, KINK, CROSSING, SECOND_ORDER, DISC, CONTACT, ALGEBRAIC, COMPONENT = range(8)
 
-# In `at_zero` beside a value: conditions say different things, as definition/model.py; none says anything.
-BOTH, ANY = 2, 3
+# In `at_zero` beside a value: conditions say different things, as definition/model.py; none says anything; `act` tells.
+BOTH, ANY, BY_ACT = 2, 3, 4
 
 # Status of a multiplier: +1 or -1 fixed (a contact: +1 open), SOLVED, or HELD with what it has: another one keeps its
 # surface at 0, or an accumulation has left it there.
@@ -137,7 +137,10 @@ class Problem(Bundle):
     dh_row: "i8[m + ne + 1]"  # rows of the sparse gradients of the surfaces
     dh_col: "i8[:]"
     nested: "i8[m + ne]"  # another multiplier stands in the surface, which jumps when that one switches
-    at_zero: "i8[m]"  # of a switch that is only crossed: its value where its surface stays at 0, BOTH, or ANY
+    at_zero: (
+        "i8[m]"  # of a switch that is only crossed: its value where its surface stays at 0, or one of the above
+    )
+    wave: "i8[m + ne]"  # the surface is a sine of what moves, of size 1 whatever the states are
     surface_state: "i8[m]"  # index of the state that is the surface, or -1
     holder: "i8[n]"  # the multiplier that keeps a state at 0 while it is solved for, or -1
     direction: "i8[ne]"

@@ -212,6 +212,7 @@ class _Run:
         twin = fixed["twin"][of_e]
         twins = [np.searchsorted(of_m, abs(j) - 1, "right") if j else 0 for j in twin]  # blocks, from 1
         at_first, at = self._instants()
+        of_surfaces = np.concatenate([of_m, len(self.parts.kind) + of_e])
         sizes = dict(ns=self.ns, nm=nm, ne=ne, nt=len(self.timed), nx=len(read), np=len(self.p_fixed))
         return local.Kind.zeros(
             sizes, ns=self.ns, nm=nm, ne=ne, np=len(self.own_parameters), nr=len(self.code.offsets),
@@ -226,7 +227,7 @@ class _Run:
             s_first=np.array(first, np.int64), fixed_m=self.fixed_m, blocks_m=self.blocks_m,
             kind=self.parts.kind[of_m], hidden=fixed["hidden"][of_m], slope_moves=fixed["slope_moves"][of_m],
             at_zero=fixed["at_zero"][of_m],
-            nested=fixed["nested"][np.concatenate([of_m, len(self.parts.kind) + of_e])],
+            **{name: fixed[name][of_surfaces] for name in ("nested", "wave")},
             surface_state=_blocks(fixed["surface_state"][of_m]),
             g_first=g_first, g_block=g_block, link_first=link_first, link_block=link_block,
             group_first=group_first, group_block=group_block, dh_first=dh_first, dh_block=dh_block,

@@ -99,7 +99,7 @@ class SmallSystem:
             if isinstance(names.Problem.members[name], type(names.Problem.members["n"]))
         }  # fmt: skip
         numbers |= {
-            "fields": code["fields"], "linear": code["linear"], "act": code["act"] if run.ne or run.contacts else 0,
+            "fields": code["fields"], "linear": code["linear"], "act": code["act"] if run.parts.acts else 0,
             "jet_slip": code["slip"], "jet_general": code["general"],
         }  # fmt: skip
         empty = {name: _EMPTY for name in ("fold_col", "hub", "flat_fold")}

@@ -77,6 +77,9 @@ class CompiledProblem:
         carried = [state.SILENT if e.singular else state.PLAIN for e in text.events]
         self.carried = np.where(has_surface[code.m :], self._numbers("events", carried), state.TIMED)
         expressions += [x.surface for _, parts in holders for x in parts if x.surface is not None]
+        fixed = self._of_multipliers()
+        contacts, asked = self.kind == state.CONTACT, fixed["at_zero"] == state.BY_ACT
+        self.acts = bool(code.ne or np.any(contacts | asked))
         self.fixed = dict(
             **self._units(),
             step_unit=0,
@@ -88,7 +91,7 @@ class CompiledProblem:
             kind=self.kind,
             hidden=hidden,
             **self._of_discs(),
-            **self._of_multipliers(),
+            **fixed,
             **self._couplings(),
             **self._of_events(),
             **self._programs(expressions, has_surface),
@@ -111,13 +114,19 @@ class CompiledProblem:
             holder=holder,
             contact=np.flatnonzero(self.kind == state.CONTACT),
             slope_moves=self._numbers("multipliers", [_slope_moves(mu, fixed) for mu in multipliers]),
-            at_zero=self._numbers(
-                "multipliers", [state.ANY if mu.at_zero is None else mu.at_zero for mu in multipliers]
-            ),
+            at_zero=self._numbers("multipliers", [_at_zero(mu) for mu in multipliers]),
             nested=np.concatenate(
                 [
                     self._numbers("multipliers", [_nested(mu, lams) for mu in multipliers]),
                     self._numbers("events", [_nested(event, lams) for event in self._text.events]),
+                ]
+            ),
+            wave=np.concatenate(
+                [
+                    self._numbers(
+                        "multipliers", [_is_wave(mu, lams | {*self._text.states}) for mu in multipliers]
+                    ),
+                    np.zeros(self.code.ne, np.int64),
                 ]
             ),
             surface_state=surface_state,
@@ -190,7 +199,7 @@ class CompiledProblem:
             fields=code.fields,
             fields8=code.fields8 if np.any(self.kind == state.DISC) else 0,
             linear=code.linear,
-            act=code.act if ne or np.any(self.kind == state.CONTACT) else 0,
+            act=code.act if self.acts else 0,
             layer=code.layer if self.ratios else 0,
             jet_slip=code.jet_slip if self.has_jets else 0,
             jet_general=code.jet_general if slides else 0,
@@ -386,6 +395,12 @@ def _diagonal(row, col):
     return here[np.unique(rows[here], return_index=True)[1]]
 
 
+def _at_zero(mu: Multiplier) -> int:
+    if isinstance(mu.at_zero, sp.Expr):
+        return state.BY_ACT
+    return state.ANY if mu.at_zero is None else mu.at_zero
+
+
 def _slope_moves(mu: Multiplier, fixed) -> int:
     """Whether dg/dlambda of a sliding switch can change its sign along a step."""
     if _kind(mu) != state.SLIDING or mu.hidden:
@@ -425,6 +440,13 @@ def _twin(model: Model, event: EventSpec, fixed: Set[sp.Symbol]) -> tuple[int, i
 def _nested(of: Multiplier | EventSpec, lams: set[sp.Symbol]) -> int:
     """Whether another multiplier stands in the surface, which jumps when that one switches."""
     return int(of.surface is not None and bool(of.surface.free_symbols & lams))
+
+
+def _is_wave(mu: Multiplier, moving: set[sp.Symbol]) -> int:
+    """Whether the surface of a switch that is crossed is a sine of what is `moving`, not of time alone."""
+    h = mu.surface
+    crossed = mu.kind == "switch" and not mu.may_be_solved and mu.second is None
+    return int(crossed and isinstance(h, (sp.sin, sp.cos)) and bool(h.free_symbols & moving))
 
 
 def _surface_state(model: Model, mu: Multiplier | EventSpec) -> int:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import sympy as sp
 
 from ...definition.model import Beside, Model
-from ..fields import Source, surfaces
+from ..fields import Source, above_at_zero, surfaces
 from ..graph.dag import Graph
 from ..graph.scalar import Writer, write_update
 from ..graph.slopes import derivative
@@ -130,10 +130,11 @@ class FamilyFields:
             (first, family, event.when, event.writes(self.model.states))
             for first, family, event in zip(firsts, lay.events, self.model.events)
         ]
-        # Impacts of contacts, in the order of the multipliers.
+        # Impacts of contacts and sides of switches at rest, in the order of the multipliers.
         for first, family, m in zip(starts(lay.multipliers), lay.multipliers, self.model.multipliers):
-            if m.impact is not None:
-                events.append((firsts[-1] + first, family, sp.true, [(b, e, False) for b, e in m.impact]))
+            writes, above = [(b, e, False) for b, e in m.impact or ()], above_at_zero(m)
+            if writes or above != sp.true:
+                events.append((firsts[-1] + first, family, above, writes))
         for first, family, when, writes in events:
             at = first.text()
             body.line(f"if i == {at}:" if family is None else f"if i >= {at} and i < {at} + m{family}:")

@@ -127,6 +127,14 @@ def _comes_to_rest(P, S, W, i):
 
 
 @kernel
+def note_those_carried(P, S, W):
+    """Notes the instant of events that fired at it because something else than the motion carried it there."""
+    for i in range(P.ne):
+        if W.firing.due[i] >= ACTS and S.t > W.firing.last[i, 0]:
+            note_interval(W.firing.last[i], S.t)
+
+
+@kernel
 def events_accumulate(P, S, R, W):
     """Whether the events that fired at this instant (W.firing.due >= ACTS) come in intervals that shrink to nothing.
 

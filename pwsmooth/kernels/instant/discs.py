@@ -15,7 +15,6 @@ from ..state import (
     AMB_NEAR_MISS,
     AMB_REPELLING,
     COMPONENT,
-    CROSSING,
     DISC,
     EV_CROSSING,
     EV_RESET,
@@ -35,7 +34,6 @@ from ..surface.sliding import (
     keep_at_rest,
     mask_solved,
     put_in_slip,
-    surface_rounding,
     surface_tolerance,
 )
 from ..surface.sparse import link
@@ -43,11 +41,9 @@ from ..surface.vector import begins, own_slopes, push_of_disc, pushes_back, slop
 from .settling import layer_code, settle_arrivals, settle_at_rest
 from .surface_rates import (
     FAINT,
-    evaluate_surfaces,
     look_ahead,
     look_back,
-    order_of_leaving,
-    stays_at_zero,
+    settle_beside,
 )
 from .together import depend, settle_dependent, stand_still
 
@@ -409,16 +405,6 @@ def _arrive_together(P, C, S, W):
 
 
 @kernel
-def _settle_beside(P, C, S, R, W):
-    """Switches that come to rest on their surfaces with a disc that sticks are what conditions say of 0."""
-    evaluate_surfaces(P, S, W)
-    for k in range(P.m):
-        if P.kind[k] == CROSSING and abs(S.status[k]) == 1 and abs(W.h[k]) <= surface_rounding(P, S, k, W):
-            if order_of_leaving(P, C, S, W, k) == 0 and stays_at_zero(P, S, R, k):
-                W.instant.hit[k] = False
-
-
-@kernel
 def settle_discs(P, C, S, R, W, jumped):
     """Every disc that has come to h = 0 or whose force has left the friction circle; a code, and whether one has."""
     some, joins = False, False
@@ -461,7 +447,7 @@ def settle_discs(P, C, S, R, W, jumped):
             came, went = W.instant.came[j], S.status[j]
             if went != 1 and came == 1:
                 record_event(S, R, j, EV_STICK, 1, 0)
-                _settle_beside(P, C, S, R, W)
+                settle_beside(P, C, S, R, W)
             elif went == 1 and came != 1:
                 record_event(S, R, j, EV_RESET, 0, 1)
             elif went == 1 and W.instant.hit[j]:

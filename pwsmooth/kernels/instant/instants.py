@@ -18,6 +18,7 @@ from ..state import (
     AMB_CHATTERING,
     ANY,
     COMPONENT,
+    CROSSING,
     DISC,
     EV_ACCUMULATION,
     EV_CROSSING,
@@ -48,7 +49,7 @@ from ..surface.sliding import INSIDE, keep_on_surface, surface_rounding, surface
 from ..surface.sparse import link
 from ..surface.vector import begins
 from ..work import Work
-from .accumulation import AT_ONCE, at_once_within, is_passed, pass_accumulation
+from .accumulation import AT_ONCE, at_once_within, is_passed, note_those_carried, pass_accumulation
 from .contacts import (
     UNCHANGED,
     UNTOLD,
@@ -100,7 +101,8 @@ from .surface_rates import (
     order_at_rest,
     order_of_leaving,
     rests_along,
-    stays_at_zero,
+    rests_at_zero,
+    settle_beside,
     stop_normal_speed,
 )
 
@@ -252,18 +254,7 @@ def _look_at_arcs(P, C, S, W, j):
 def _is_flat(P, C, S, W, j):
     """Whether surface j is 0 and stays there, as that of Max(1 - t, 0) from t = 1 on."""
     evaluate_surfaces(P, S, W)
-    return W.h[j] == 0.0 and order_at_rest(P, C, S, W, j)[1]
-
-
-@kernel
-def _rests_at_zero(P, S, R, j):
-    """Switch j stays on its surface; records what becomes of it. False where its side is any."""
-    came = S.status[j]
-    if not stays_at_zero(P, S, R, j):
-        return False
-    if S.status[j] != came:
-        record_event(S, R, j, EV_RESET, came, S.status[j] if S.status[j] != HELD else 0)
-    return True
+    return abs(W.h[j]) <= P.wave[j] * surface_rounding(P, S, j, W) and order_at_rest(P, C, S, W, j)[1]
 
 
 @kernel
@@ -338,10 +329,10 @@ def _settle_switches(P, C, S, R, W):
                     step_inside(P, S, j, W)
                 order, stays = order_at_rest(P, C, S, W, j)
                 went = status[j] if order == 0 else 1 if order > 0 else -1
-                if stays and _rests_at_zero(P, S, R, j):
+                if stays and rests_at_zero(P, S, R, j):
                     continue
             elif P.nested[j] != 0 and P.at_zero[j] != ANY and _is_flat(P, C, S, W, j):
-                if _rests_at_zero(P, S, R, j):
+                if rests_at_zero(P, S, R, j):
                     continue
             if went != status[j]:
                 record_event(S, R, j, EV_CROSSING, status[j], went)
@@ -382,7 +373,28 @@ def _settle_switches(P, C, S, R, W):
         if code != GO_ON:
             return code, True
         switched = True
+    if switched and _rest_anew(P, S, W, jumped):
+        settle_beside(P, C, S, R, W)
     return GO_ON, switched
+
+
+@kernel
+def _rest_anew(P, S, W, jumped):
+    """Whether others may rest on their surfaces because of what a switch has done: a jump, a turn of the rates, or a
+    change to a side on which nothing moves it off its surface. What slides says nothing of them."""
+    if not any_kind(P, CROSSING):
+        return False
+    may = False
+    for j in range(P.m):
+        if P.kind[j] >= DISC or not W.instant.hit[j] or S.status[j] == W.instant.came[j]:
+            continue
+        if P.kind[j] != SLIDING or jumped:
+            may = True
+        elif abs(S.status[j]) != 1:
+            return False
+        else:
+            may = may or abs(approach_speed(P, S, j, W)) <= W.instant.rest_speed
+    return may
 
 
 @kernel
@@ -622,6 +634,7 @@ def at_instant(P, C, S, R, W):
             return Outcome.EVENT_LOOP
         _forget_what_was_met(P, S, W)
         stop = fire_due(P, S, R, W)
+        note_those_carried(P, S, W)
         jumped = jumped or instant.jumped != 0
         if stop != GO_ON and stop != Outcome.TERMINATED:
             return stop

@@ -13,6 +13,7 @@ from ..state import (
     BOTH,
     CROSSING,
     DISC,
+    EV_RESET,
     GROWS,
     HELD,
     KINK,
@@ -20,9 +21,9 @@ from ..state import (
     SLIDING,
     SOLVED,
 )
-from ..step.recording import record_ambiguity
+from ..step.recording import record_ambiguity, record_event
 from ..step.steps import take_jet, take_slip_jet
-from ..surface.sliding import follow, keep_on_surface, mask_instant, mask_solved, surface_rounding
+from ..surface.sliding import follow, keep_on_surface, mask_instant, mask_solved, side_at_zero, surface_rounding
 
 _HIGHEST = 7  # order with which a surface is left
 MOMENT = 1e-6  # of the unit of time
@@ -228,7 +229,7 @@ def stays_at_zero(P, S, R, j):
     False where they say different things, of which an ambiguity tells. The multiplier of a Switch of the user's is 0,
     as a sign's, and an ambiguity tells that it could be another.
     """
-    at = P.at_zero[j]
+    at = side_at_zero(P, S, j)
     if at == ANY and P.kind[j] != CROSSING:
         return False
     if at == BOTH or ((at == 0 or at == ANY) and P.jet_general == 0):
@@ -238,6 +239,30 @@ def stays_at_zero(P, S, R, j):
         record_ambiguity(S, R, j, AMB_FORCES, 0)
         at = 0
     S.status[j], S.mult[j] = at if at != 0 else HELD, float(at)
+    return True
+
+
+@kernel
+def settle_beside(P, C, S, R, W):
+    """Switches that come to rest on their surfaces with what has come to rest are what conditions say of 0."""
+    evaluate_surfaces(P, S, W)
+    for k in range(P.m):
+        if P.kind[k] != CROSSING or abs(S.status[k]) != 1 or abs(W.h[k]) > surface_rounding(P, S, k, W):
+            continue
+        rests = P.nested[k] != 0 or abs(approach_speed(P, S, k, W)) <= W.instant.rest_speed
+        if rests and order_of_leaving(P, C, S, W, k) == 0 and rests_at_zero(P, S, R, k):
+            W.instant.hit[k] = False
+        evaluate_surfaces(P, S, W)
+
+
+@kernel
+def rests_at_zero(P, S, R, j):
+    """As `stays_at_zero`; records what becomes of the switch."""
+    came = S.status[j]
+    if not stays_at_zero(P, S, R, j):
+        return False
+    if S.status[j] != came:
+        record_event(S, R, j, EV_RESET, came, S.status[j] if S.status[j] != HELD else 0)
     return True
 
 

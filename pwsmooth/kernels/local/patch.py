@@ -126,7 +126,7 @@ def shape(A, P, C, W):
     for b in range(nm + ne):
         for k in range(M if E.s_own[b] else 1):
             i = number_of(E, b, M, k)
-            P.dh_row[i], P.nested[i] = at_dh, E.nested[b]
+            P.dh_row[i], P.nested[i], P.wave[i] = at_dh, E.nested[b], E.wave[b]
             for e in range(E.dh_first[b], E.dh_first[b + 1]):
                 P.dh_col[at_dh] = E.dh_block[e] * places + _place_near(A, k, E.dh_near[e], places)
                 at_dh += 1

@@ -44,6 +44,7 @@ class Kind(Bundle):
     slope_moves: "i8[nm]"
     at_zero: "i8[nm]"
     nested: "i8[nm + ne]"
+    wave: "i8[nm + ne]"
     surface_state: "i8[nm]"
     g_first: "i8[nm + 1]"
     g_block: "i8[:]"

@@ -31,7 +31,7 @@ from ..state import (
     Record,
     State,
 )
-from ..surface.sliding import keep_on_surface, surface_size
+from ..surface.sliding import keep_on_surface, side_at_zero, surface_rounding, surface_size, surface_speed
 from ..work import Work
 from .finer import ON_ITS_WAY, SWITCHING, follow_as_asked, follow_to_rest
 from .recording import record_event, record_point
@@ -170,6 +170,19 @@ def _is_active(P, S, W, i):
 
 
 @kernel
+def _settle_beside(P, S, W, twin):
+    """The switch of an argument that is 0 and those that rest with it are what conditions say of 0."""
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    for k in range(P.m):
+        rests = abs(W.h[k]) <= surface_rounding(P, S, k, W) and surface_speed(P, W, k) == 0.0
+        if P.kind[k] == CROSSING and abs(S.status[k]) == 1 and (rests or k == twin):
+            at = side_at_zero(P, S, k)
+            if abs(at) == 1:
+                S.status[k], S.mult[k] = at, float(at)
+
+
+@kernel
 def _arrived(P, S, R, W, i):
     """What is made of the zero of argument i, at which S has arrived: rest there or the end of the run."""
     row = W.step.rows[surface_rows(P, W.step.kind)[P.m + i]]
@@ -183,8 +196,8 @@ def _arrived(P, S, R, W, i):
         keep_on_surface(P, S, j, W)
         S.status[j], S.mult[j] = HELD, 0.0
     passes = P.watch[i] == CONE or (stands == 1 and P.watch_state[i] >= 0) or holds
-    if passes and j >= 0 and P.kind[j] == CROSSING and abs(S.status[j]) == 1 and abs(P.at_zero[j]) == 1:
-        S.status[j], S.mult[j] = P.at_zero[j], float(P.at_zero[j])  # what conditions say of 0
+    if passes:
+        _settle_beside(P, S, W, j)
     if P.watch[i] != CONE:
         record_event(S, R, P.m + i, EV_REST if passes else EV_SINGULAR, P.watch[i], stands)
     record_point(P, S, R)

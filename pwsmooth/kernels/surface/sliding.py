@@ -10,8 +10,8 @@ from numba import types
 
 from ..intervals import time_size
 from ..machine.compiling import inlined_kernel, kernel, unit
-from ..machine.pointers import call_fields, call_linear, call_newton
-from ..state import ALGEBRAIC, COMPONENT, CONTACT, DISC, SECOND_ORDER, SOLVED, Problem, State
+from ..machine.pointers import call_act, call_fields, call_linear, call_newton
+from ..state import ALGEBRAIC, BY_ACT, COMPONENT, CONTACT, DISC, SECOND_ORDER, SOLVED, Problem, State
 from ..work import Work
 from .sparse import entry, solve_dense, solve_masked
 
@@ -19,6 +19,14 @@ from .sparse import entry, solve_dense, solve_masked
 # components say, where h/|h| is 0/0. Of a switch they differ from the affine form by a power of a surface that has
 # it, sqrt(|h|) of a rounding say.
 INSIDE = 1.0 - 2.0**-53
+
+
+@kernel
+def side_at_zero(P, S, j):
+    """What conditions say of switch j where it stays on its surface, at the present state: 1, 0, -1, BOTH or ANY."""
+    if P.at_zero[j] != BY_ACT:
+        return P.at_zero[j]
+    return 1 if call_act(P.act, P.ne + j, S.t, S.x, S.mult, P.p, S.x) != 0 else -1  # it writes nothing
 
 
 @kernel
@@ -232,7 +240,7 @@ def surface_speed(P, W, i):
 @kernel
 def surface_size(P, S, j, W):
     """The size of what h_j is made of, from the gradient's row and the time slope in W.dh."""
-    total = 1e-300 + abs(W.dh[P.dh_row[P.m + P.ne] + j] * S.t)
+    total = 1e-300 + abs(W.dh[P.dh_row[P.m + P.ne] + j] * S.t) + P.wave[j]
     for e in range(P.dh_row[j], P.dh_row[j + 1]):
         if S.x[P.dh_col[e]] != 0.0:  # where a root has its branch point its slope is infinite
             total += abs(W.dh[e] * S.x[P.dh_col[e]])

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, Memory, Outcome, System, solve
+from pwsmooth import Event, Memory, Outcome, System, Unilateral, solve
 from pwsmooth.kernels.intervals import note_interval, time_to_last_event
 
 x, y, z, v, a = sp.symbols("x y z v a", real=True)
@@ -188,3 +188,13 @@ def test_resets_whose_ratio_is_small_and_drifts_have_a_limit():
     assert time_to_last_event(last, True, 1.0) == np.inf
     note_interval(last, latest)
     assert 0 < time_to_last_event(last, False, 1.0) < 1e-14
+
+
+@pytest.mark.parametrize("settled", [True, False])
+def test_events_that_impacts_carry_the_motion_through_accumulate_with_them(settled):
+    # u jumps up through 0 at each of the impacts, which end at t = 3: what z is beyond, its events do not say.
+    q, u = sp.symbols("q u", real=True)
+    count = Event(u, direction=1, update={z: z / 2 if settled else 1 - z})
+    ball = System({q: u, u: -2 + Unilateral(q, restitution=0.5, name="R").reaction, z: 0}, events=[count])
+    found = [a.kind for a in solve(ball, (0, 4), {q: 1, u: 0, z: 1}).ambiguities]
+    assert found == ([] if settled else ["events that accumulate"])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, System, solve
+from pwsmooth import Event, System, Unilateral, solve
 
 t, y, z, e, h = sp.symbols("t y z e h", real=True)
 
@@ -76,3 +76,53 @@ def test_the_sign_of_what_stays_at_zero_is_zero_where_something_slides():
     system = System({z: sp.sign(y), y: -y / 4, v: -sp.sign(v)}, events=[Event(at=1, update={y: 0})])
     run = solve(system, (0, 5), {z: 0, y: 1, v: 0.5})
     assert run["z"][-1] == pytest.approx(1, abs=1e-9) and not ambiguous(run)
+
+
+k, q, u = sp.symbols("k q u", real=True)
+BESIDE = q + k
+STAIRS = [
+    sp.floor(2 * BESIDE),
+    sp.floor(2 * BESIDE + 1) ** 2,
+    sp.frac(2 * BESIDE),
+    sp.Mod(BESIDE, sp.S.Half),
+    -sp.ceiling(-2 * BESIDE),
+]
+RESTS = {  # (rates, events, start) of motions of q that come to 0 at or before t = 1 and stay there
+    "contact": ({q: u, u: -1 + Unilateral(q, restitution=0, name="R").reaction}, [], {q: 0.1, u: -1}),
+    "event": ({q: -q}, [Event(at=1, update={q: 0})], {q: 0.3}),
+    "event as the rate turns": ({q: -sp.Heaviside(1 - t)}, [Event(at=1, update={q: 0})], {q: 0.3}),
+    "tank": ({q: -sp.sqrt(sp.Max(q, 0))}, [], {q: 0.2}),
+    "bound": ({q: -sp.Heaviside(q)}, [], {q: 0.2}),
+    "maximum": ({}, [], {}),
+    "start": ({q: -q}, [], {q: 0}),
+}
+
+
+@pytest.mark.parametrize("method", ["auto", "rk"])
+@pytest.mark.parametrize("rest", RESTS)
+def test_stairs_of_what_rests_on_a_step_are_those_of_that_step(rest, method):
+    rates, events, start = RESTS[rest]
+    counts = sp.symbols(f"c:{len(STAIRS)}", real=True)
+    stairs = [e.subs(q, sp.Max(1 - t, 0)) for e in STAIRS] if rest == "maximum" else STAIRS
+    system = System(rates | dict(zip(counts, stairs, strict=True)), time=t, events=events, parameters={k: 0.5})
+    for at in (0.5, 1, -1.5):
+        start = start | dict.fromkeys(counts, 0)
+        run = solve(system, (0, 3), start, parameters={k: at}, method=method, t_eval=[2, 3])
+        for c, e in zip(counts, STAIRS, strict=True):
+            assert np.diff(run[c.name]) == pytest.approx(float(e.subs({q: 0, k: at})), abs=1e-9)
+        assert not ambiguous(run)
+
+
+def test_stairs_that_fall_and_stairs_that_rise_disagree_on_a_step_and_say_so():
+    run = solve(System({z: sp.floor(y) + sp.ceiling(y), y: -y}), (0, 1), {z: 0, y: 0})
+    assert ambiguous(run)
+
+
+@pytest.mark.parametrize("condition", [sp.exp(y) - 1 > 0, sp.exp(y) - 1 >= 0, 1 - sp.exp(y) >= 0])
+@pytest.mark.parametrize("method", ["auto", "rk"])
+def test_a_condition_on_a_state_at_its_bound(condition, method):
+    # y comes to 0 at t = 1 and stays there.
+    for rate in (-sp.Heaviside(y), -sp.sqrt(sp.Max(y, 0)) * 2):
+        run = solve(System({z: when(condition), y: rate}), (0, 3), {z: 0, y: 1}, method=method)
+        held = 2 * bool(condition.subs(y, 0)) + bool(condition.subs(y, 0.5))
+        assert run["z"][-1] == pytest.approx(held, abs=1e-4) and not ambiguous(run)
