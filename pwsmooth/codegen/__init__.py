@@ -168,6 +168,11 @@ class Compiled:
             )
         return tuple(np.array(constants[f"{name}_{part}"], np.int64) for part in ("ROW", "COL"))
 
+    @property
+    def surfaces_of_unknowns(self) -> tuple[int, ...]:
+        """Of which `linear` fills the sizes of their unknowns, behind the slopes."""
+        return self._module("linear").constants.get("DH_UNKNOWNS", ())
+
     @cached_property
     def act(self) -> int:
         return self._address("act")

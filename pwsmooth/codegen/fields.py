@@ -74,6 +74,13 @@ def surfaces(graph: Graph) -> list[int]:
     return [graph.zero if s.surface is None else graph.expression(s.surface) for s in holders]
 
 
+def _size_of_unknowns(graph: Graph, surface: int) -> int:
+    """How large the parts of a surface are in which unknowns stand: the sum of |dh/da a|."""
+    unknown = [j for j in graph.variables(surface, "mult") if graph.model.multipliers[j].kind == "algebraic"]
+    parts = [(derivative(graph, surface, a), a) for a in (graph.var("mult", j) for j in unknown)]
+    return graph.sum([(1.0, graph.fun("fabs", graph.mul(slope, a))) for slope, a in parts])
+
+
 def write_fields(model: Model) -> dict[str, str]:
     """Sources of the pointwise functions: {"fields": text, ...}.
 
@@ -98,6 +105,9 @@ def write_fields(model: Model) -> dict[str, str]:
     ]
     slopes = [d for row in gradients for d in row.values()]
     slopes += [derivative(graph, s, graph.var("t", 0)) for s in h]
+    sizes = {i: size for i, s in enumerate(h) if (size := _size_of_unknowns(graph, s)) != graph.zero}
+    slopes += sizes.values()
+    sources["linear"].constants["DH_UNKNOWNS"] = tuple(sizes)
     entries = [d for row in matrix for d in row.values()]
     store(sources["linear"], graph, "linear", "t, x, mult, p, G, dh", {"G": entries, "dh": slopes})
     for name, rows in (("G", matrix), ("DH", gradients)):

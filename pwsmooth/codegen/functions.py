@@ -135,6 +135,8 @@ class CompiledFunctions:
         self._kept.append(cfunc(signature, error_model="numpy")(function))
         return self._kept[-1].address
 
+    surfaces_of_unknowns = ()
+
     def pattern(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Rows and columns of "G" or "DH": everything may depend on everything."""
         rows, columns = (self.m, self.m) if name == "G" else (self.m + self.ne, self.n)

@@ -136,6 +136,8 @@ class Problem(Bundle):
     contact: "i8[:]"  # the contacts among the multipliers
     dh_row: "i8[m + ne + 1]"  # rows of the sparse gradients of the surfaces
     dh_col: "i8[:]"
+    inner: "int"  # 1: unknowns stand in some surface
+    unknowns: "i8[m + ne]"  # behind these and the slopes in time: where a surface's size in unknowns is, or -1
     nested: "i8[m + ne]"  # another multiplier stands in the surface, which jumps when that one switches
     at_zero: (
         "i8[m]"  # of a switch that is only crossed: its value where its surface stays at 0, or one of the above

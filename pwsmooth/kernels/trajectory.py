@@ -74,6 +74,7 @@ from .step.steps import (
     propose_pair,
     reach_singular_surface,
     refine_by_pair,
+    refine_by_unknowns,
 )
 from .surface.sliding import follow, keep_at_rest, mask_solved
 from .surface.vector import begins
@@ -423,6 +424,8 @@ def find_end(P, C, S, R, W):
     if happened and step.kind == PAIR and h > 1e-11 * time_size(S):
         length = refine_by_pair(P, C, S, W, length)
         fraction = 0.5  # its powers are to be made
+    if happened and step.time_row < 0 and P.inner != 0:
+        length, fraction = refine_by_unknowns(P, C, S, W, length), 0.5
     if happened and step.time_row < 0 and S.ticks < len(C.clock):
         left = C.clock[S.ticks] - step.start
         if 0.0 < left - length <= at_once_within(C.clock[S.ticks], h):

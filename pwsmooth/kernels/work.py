@@ -334,7 +334,7 @@ class Work(Bundle):
     h: "f8[m + ne]"
     g: "f8[m]"
     G: "f8[entries]"  # entries of the sparse dg/dmult
-    dh: "f8[gradients]"  # entries of the sparse gradients of the surfaces, then (m + ne) derivatives by time
+    dh: "f8[gradients]"  # of the surfaces: sparse gradients, (m + ne) slopes in time, sizes of unknowns
     mask: "i8[m]"  # multipliers that are solved for
     disc: "f8[4, 6]"  # small matrices of a disc
     moment: "f8[n + m + 1]"  # states, multipliers and time while a moment later is looked at

@@ -108,7 +108,7 @@ class SmallSystem:
         )
         self.P.weight[:] = 1.0
         self.P.disc_of[:] = self.P.holder[:] = -1
-        self.P.watch_state[:] = -1
+        self.P.watch_state[:] = self.P.unknowns[:] = -1
         self.P.rows_fold[:] = self.P.rows_pair[:] = -1
         options = run.options
         self.C = names.Control.zeros(

@@ -153,10 +153,14 @@ class CompiledProblem:
             whole = self._numbers("multipliers", [f is None for f in families])
             hub = np.flatnonzero(whole * (self.kind != state.KINK) * (self.kind != state.CROSSING))
         block_row, block_member = _groups(g_row, g_col, hub)
+        of_unknowns, size = list(self.code.surfaces_of_unknowns), len(dh_row) - 1
+        unknowns = np.full(size, -1)
+        unknowns[of_unknowns] = len(dh_col) + size + np.arange(len(of_unknowns))
         empty = np.zeros(0, np.int64)
         fold_row, fold_col = self.fold.pattern("G") if self.fold else (empty, empty)
         return dict(
             g_row=g_row, g_col=g_col, g_diagonal=_diagonal(g_row, g_col), dh_row=dh_row, dh_col=dh_col,
+            unknowns=unknowns, inner=int(bool(of_unknowns)),
             link_row=link_row, link_col=link_col, block_row=block_row, block_member=block_member, hub=hub,
             fold_row=fold_row, fold_col=fold_col,
         )  # fmt: skip
@@ -302,9 +306,10 @@ class CompiledProblem:
         width = terms(order) + state.PAD
         return dict(
             n=n, m=m, ne=ne, nz=len(self.ratios), width=width, rows=self.nrows,
-            fold_size=m + 1 if fold else 0, entries=len(fixed["g_col"]), gradients=len(fixed["dh_col"]) + m + ne,
+            fold_size=m + 1 if fold else 0, entries=len(fixed["g_col"]),
+            gradients=len(fixed["dh_col"]) + m + ne + len(self.code.surfaces_of_unknowns),
             fold_entries=len(fixed["fold_col"]),
-            fold_gradients=len(fold.pattern("DH")[1]) + m + 1 + ne if fold else 0,
+            fold_gradients=len(fold.pattern("DH")[1]) + m + 1 + ne + len(fold.surfaces_of_unknowns) if fold else 0,
             group=int(np.diff(fixed["block_row"]).max(initial=0)), hubs=len(fixed["hub"]),
             contacts=len(fixed["contact"]), onset=n if fixed["discs"] else 0,
             joint=self._joint(), struck=self._struck(),

@@ -22,7 +22,7 @@ from ..machine.pointers import (
     sum8,
 )
 from ..state import GENERAL, PAIR, SLIP, SOLVED, START
-from ..surface.sliding import mask_solved
+from ..surface.sliding import follow, mask_solved
 
 
 @inlined_kernel
@@ -65,6 +65,7 @@ def variation(row, power, K):
 
 _TICKS = 4e-15  # of the time: some of its roundings
 REACH = 1e-11  # of the time: how near a surface is on which a power has its branch point
+_NEAR = 1e-3  # of a step: so far its end moves at most where unknowns are solved for
 _FLAT_REACH = 5.0  # exp(-5): within that of 0 the coefficients show all
 _FLAT_SHARE = 0.7  # of the way to 0, from farther
 SURFACE_ROUNDING = 1e-15  # below which a surface's series is noise, as of one that rests at 0
@@ -211,6 +212,38 @@ def refine_by_pair(P, C, S, W, h):
         if W.meeting.tau[i] < W.meeting.tau[first]:
             first = i
     return call_step(P.step_unit, P, C, S, W, h, first)
+
+
+@kernel
+def refine_by_unknowns(P, C, S, W, h):
+    """Where near h the surface that is met first is 0 with its unknowns solved for, which the polynomials have to the
+    tolerance of the step alone; h where no unknown stands in it."""
+    step, power, rows, first, K = W.step, W.step.end_power, W.step.rows, 0, C.order
+    for i in range(P.m + P.ne):
+        if W.meeting.tau[i] < W.meeting.tau[first]:
+            first = i
+    if P.unknowns[first] < 0 or step.sliding == 0 or math.isnan(h):
+        return h
+    powers(power, h)
+    for i in range(P.n):
+        W.instant.x[i], S.x[i] = S.x[i], dot(rows[i], power, K + 1)
+    for j in range(P.m):
+        W.instant.mult[j] = S.mult[j]
+        if S.status[j] == SOLVED:
+            S.mult[j] = dot(rows[step.mult_row + j], power, K + 1)
+    S.t += h
+    mask_solved(P, S, W)
+    solved, slope = follow(P, S, W), 0.0
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    for k in range(K, 0, -1):
+        slope = slope * h + k * rows[surface_rows(P, step.kind)[first], k]
+    S.t = step.start
+    for i in range(P.n):
+        S.x[i] = W.instant.x[i]
+    for j in range(P.m):
+        S.mult[j] = W.instant.mult[j]
+    by = -W.h[first] / slope if solved and slope != 0.0 else 0.0
+    return h + by if abs(by) <= _NEAR * h and h + by <= step.length else h
 
 
 @kernel

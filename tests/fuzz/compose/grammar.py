@@ -573,7 +573,7 @@ class Writer:
             "H": lambda: f"sp.Piecewise((1, {a} > 0), (0, True))",
             "abs": lambda: f"sp.Max({a}, -{a})",
             "max": lambda: f"({a} + {b} + sp.Abs({a} - {b}))/2",
-            "min": lambda: f"sp.Piecewise(({a}, {a} < {b}), ({b}, True))",
+            "min": lambda: f"sp.Piecewise(({a}, {a} - ({b}) < 0), ({b}, True))",
             "floor": lambda: f"({a} - sp.frac({a}))",
             "frac": lambda: f"sp.Mod({a}, 1)",
             "mod": lambda: f"({a} - {b}*sp.floor({a}/{b}))",

@@ -284,3 +284,21 @@ def test_a_condition_on_a_tooth_goes_with_the_tooth_also_where_a_ramp_bends(befo
     given = {c: 0.25, q: after}
     run = solve(TOOTH, (0, 1.8), {x: 0, y: middle - before, s: before}, parameters=given, method=method)
     assert run.success and abs(run["x"][-1]) < 1e-9
+
+
+@METHODS
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("level", [0.3, 0.5, 0.8])
+def test_a_switch_of_an_unknown_that_has_crossed_does_not_turn_back_by_a_rounding(level, unit, method):
+    """Its surface 2a - c holds no state: how large it is, and its roundings, is said by the unknown alone."""
+    unknown = Algebraic(a, a / q + (a / q) ** 3 / 5 - x / 3 - sp.sign(y - 5) / 2)
+    counted = Event(y / 10 + sp.sign(2 * a - c), update={y: y + sp.Rational(1, 2), n: n + 1}, name="E")
+    system = System(
+        {x: 1 + sp.sin(3 * t) / 2, y: -y / 3},
+        time=t,
+        parameters={c: 1, q: 1},
+        algebraic=[unknown],
+        events=[counted],
+    )
+    run = solve(system, (0, 6), {x: 0.1, y: 0.3}, parameters={c: -level * unit, q: unit}, method=method)
+    assert run.success and run["n"][-1] == 1 and [e.kind for e in run.events] == ["crossing", "reset"]
