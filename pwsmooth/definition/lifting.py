@@ -56,11 +56,13 @@ class Lifting:
     conditions on them stay `Piecewise`. `user_switches` come first: their names win over those of lifted functions.
     `stand_ins` says what stands for symbols that are expressions, as those of drives. Two switches of a user's on one
     surface are one, unless the field is nonlinear in one (`bent`), as laws of static friction are. The rates of
-    `jumping` symbols may jump, so that the motion may be held where surfaces of these are 0.
+    `jumping` symbols may jump, so that the motion may be held where surfaces of these are 0. `solved` says what some
+    unknowns are that jump with what stands in their equations.
     """
 
-    def __init__(self, dynamic, user_switches=(), stand_ins=None, bent=(), jumping=()):
+    def __init__(self, dynamic, user_switches=(), stand_ins=None, bent=(), jumping=(), solved=None):
         self.dynamic, self._jumping = frozenset(dynamic), frozenset(jumping)
+        self._solved: dict[sp.Symbol, sp.Expr] = dict(solved or {})
         self.switches: dict[sp.Symbol, sp.Expr] = {}  # multiplier -> lifted surface, the inner ones first
         self.notation: dict[sp.Symbol, Switch] = {}  # multiplier -> its switch as the user would write it
         self.discs: dict[Disc, LiftedDisc] = {}
@@ -250,7 +252,9 @@ class Lifting:
         )
 
     def _sign(self, h, sides):
-        factors = None if h.free_symbols & self.dynamic and self._inside(h) else self._factors(h)
+        factors = (
+            None if h.free_symbols & self.dynamic and self._inside(self._written_out(h)) else self._factors(h)
+        )
         if factors is None:
             return self._choose(h, _const(sp.S.One), _const(-sp.S.One), sides, at_zero=_const(sp.S.Zero))
         result = sp.S.One
@@ -480,8 +484,10 @@ class Lifting:
             meant = sp.Integer((at_zero is above) - (at_zero is below))
         if h.is_number:
             return (above if h > 0 else below if h < 0 else at_zero or below)(sides)
-        lam = self._inside(h, jumps)
+        written_out = self._written_out(h) if jumps else h
+        lam = self._inside(written_out, jumps)
         if lam is not None:
+            h = written_out
             above_, below_ = (
                 self._choose(
                     h.xreplace({lam: sp.Integer(side)}),
@@ -514,6 +520,16 @@ class Lifting:
             return None
         found = [lam for lam in inner if lam not in self._given and self._jumps(h, lam)]
         return found[0] if 0 < len(found) <= _MOST_INSIDE else None
+
+    def _written_out(self, h):
+        """h, with what its unknowns are in their place where it jumps with what stands in their equations."""
+        found = h
+        for _ in range(len(self._solved) if not self._at_instant else 0):
+            inside = [u for u in found.free_symbols if u in self._solved]
+            if not inside:
+                break
+            found = found.xreplace({u: self._lift(self._solved[u], {}) for u in inside})
+        return found if found is not h and self._inside(found) is not None else h
 
     def _jumps(self, h, lam):
         """Whether h jumps on the surface of a switch, of a symbol whose rate may jump."""

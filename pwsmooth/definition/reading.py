@@ -103,7 +103,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled,
     bent = [s for s in given if any(e.diff(s, 2) != 0 for _, e in pairs)]
     jumps = {*unknowns, *given}
     jumping = [x for x, (_, e) in zip(states, pairs, strict=True) if jumps & e.free_symbols or e.has(*JUMPING)]
-    lift = Lifting(moving, given, stand_ins, bent, [*unknowns, *jumping])
+    lift = Lifting(moving, given, stand_ins, bent, [*unknowns, *jumping], _solved(unknowns, algebraic))
     inside = dict(zip(unknowns, (item.residual for item in algebraic), strict=True))
     said = [(e, *(inside[s] for s in e.free_symbols if s in inside)) for _, e in pairs]
     lift.take_directions([(x, sp.Tuple(*es)) for x, es in zip(states, said, strict=True)])
@@ -145,6 +145,16 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled,
         written, seen, events, tuple(reactions), tuple(controls), algebraic, switches, tuple(lift.discs), memories,
         values, families.groups, with_mobilities(field),
     )  # fmt: skip
+
+
+def _solved(unknowns, algebraic):
+    """Unknown -> what it is, where its equation is linear in it and contains what may jump."""
+    found = {}
+    for u, item in zip(unknowns, algebraic, strict=True):
+        slope = item.residual.diff(item.unknown)
+        if slope.is_number and slope != 0 and (item.residual.has(*JUMPING) or item.residual.atoms(Switch)):
+            found[u] = -item.residual.xreplace({item.unknown: sp.S.Zero}) / slope
+    return found
 
 
 class _Names:
