@@ -214,7 +214,7 @@ def propose(P, C, S, R, W):
     h, code = _begin_step(P, C, S, W)  # an onset, a jet, or the pair
     if code == GO_ON:
         h, code = _reach_folds(P, C, S, W, h)  # arcs, which pass them; singular surfaces
-    if code == GO_ON and P.discs != 0 and step.kind != START and not math.isnan(h):
+    if code == GO_ON and P.discs != 0 and step.kind != START:
         h, code = _near_rest(P, C, S, R, W, h)  # discs that come to rest, or are stiff beside it
     if code == GO_ON:
         h, code = _end_in_time(P, C, S, R, W, h)  # the end of the span, an instant of a clock
@@ -260,7 +260,7 @@ def _reach_folds(P, C, S, W, h):
     arcs = step.sliding != 0 and P.jet_fold != 0 and step.kind != PAIR and step.kind != START
     if math.isnan(h):
         if not arcs:
-            return h, Outcome.NOT_FINITE
+            return h, GO_ON if P.discs != 0 else Outcome.NOT_FINITE
         h = 0.0  # a start within rounding of a fold: the series in t have no finite coefficients
     if step.kind != PAIR and step.kind != START:
         step.unsure = P.look_general if step.sliding else P.look_slip
@@ -288,6 +288,8 @@ def _near_rest(P, C, S, R, W, h):
         W.meeting.tau[at_rest] = 0.0
         code = _settle_again(P, C, S, R, W)
         return h, AGAIN if code == GO_ON else code
+    if math.isnan(h):
+        return h, Outcome.NOT_FINITE
     stiff, longest = is_stiff(P, S, W, h)
     if stiff and step.time_row < 0 and step.kind != PAIR:
         W.onset.least = WORTH * h

@@ -187,6 +187,49 @@ def cross_without_load(P, S, R, W, size):
 
 
 @kernel
+def _pulls(P, S, W, k):
+    """Whether contact k, which is closed, would take a pull, by what has just been solved for."""
+    own = abs(entry(P.g_row, P.g_col, W.G, k, k))
+    return (
+        S.status[k] == SOLVED
+        and S.mult[k] < 0.0
+        and abs(S.mult[k]) * own >= _EQUAL * (own + friction_on(P, W, k))
+    )
+
+
+@kernel
+def crosses_as_contacts_open(P, S, W, j):
+    """Whether switch j, which has been made to stick, crosses: its stick takes pulls of contacts, and beyond its
+    surface these open and the motion goes on. Then it is on that side."""
+    came, mult, contacts = W.instant.came[j], S.mult[j], W.contacts
+    mask_solved(P, S, W)
+    if call_newton(P.newton_unit, P, S, W) == 0:
+        return False
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    opened = 0
+    for c in range(len(P.contact)):
+        if opened < len(contacts.touching) and _pulls(P, S, W, P.contact[c]):
+            contacts.touching[opened] = P.contact[c]
+            opened += 1
+    if opened == 0:
+        return False
+    for a in range(opened):
+        k = contacts.touching[a]
+        S.status[k], S.mult[k] = 1, 0.0
+    S.status[j], S.mult[j] = -came, -float(came)
+    mask_solved(P, S, W)
+    crosses = (
+        call_newton(P.newton_unit, P, S, W) != 0 and came * approach_speed(P, S, j, W) < -W.instant.rest_speed
+    )
+    for a in range(opened):
+        crosses = crosses and W.g[contacts.touching[a]] > 0.0
+        S.status[contacts.touching[a]] = SOLVED  # it opens when contacts are looked at again
+    if not crosses:
+        S.status[j], S.mult[j] = SOLVED, mult
+    return crosses
+
+
+@kernel
 def _is_pushed(P, S, W, j):
     """Whether the updates of this instant have changed the acceleration of gap j."""
     if P.ne == 0 or W.instant.jumped == 0:

@@ -15,6 +15,7 @@ from ..state import (
     AMB_NEAR_MISS,
     AMB_REPELLING,
     COMPONENT,
+    CONTACT,
     DISC,
     EV_CROSSING,
     EV_RESET,
@@ -197,6 +198,15 @@ def _slip_on(S, R, W, j):
 
 
 @kernel
+def _others_hold(P, S):
+    """Whether contacts or switches may keep surfaces of a disc at 0."""
+    some = len(P.contact) > 0
+    for k in range(P.m):
+        some = some or (P.kind[k] == SLIDING and S.status[k] == SOLVED)
+    return some
+
+
+@kernel
 def settle_disc(P, S, R, W, j, arrives):
     """Disc j is at h = 0: it sticks, or slips on in the direction that is left in S.mult; a code.
 
@@ -214,7 +224,7 @@ def settle_disc(P, S, R, W, j, arrives):
     if depend(P, S, W, j, False):
         return settle_dependent(P, S, R, W, False)
     if not _has_no_strength(P, S, W, j):
-        if len(P.contact) > 0 and depend(P, S, W, j, True):
+        if _others_hold(P, S) and depend(P, S, W, j, True):
             return settle_dependent(P, S, R, W, False)
         return _settle_one(P, S, R, W, j, arrives)
     if push_of_disc(P, S, W, j) > _MOVED:  # as where lambda stands beside |h| alone
@@ -490,13 +500,23 @@ def release_discs(P, S, R, W):
 
 
 @kernel
+def some_share(P, S):
+    """Whether a disc sticks that leaves some of its components to what else holds them."""
+    some = False
+    for k in range(P.m):
+        j = P.disc_of[k]
+        some = some or (j >= 0 and S.status[j] == SOLVED and S.status[k] != SOLVED)
+    return some
+
+
+@kernel
 def _shares_anew(P, S, W, j):
-    """Whether disc j, which sticks, has held something together with a contact that has opened, or does with one that
-    has closed."""
+    """Whether disc j, which sticks, has held something together with a contact that has opened or a switch that has let
+    go, or does with one that has closed or stuck."""
     changed, short = False, False
-    for c in range(len(P.contact)):
-        k = P.contact[c]
-        changed = changed or (S.status[k] == SOLVED) != (W.instant.came[k] == SOLVED)
+    for k in range(P.m):
+        holds = P.kind[k] == CONTACT or P.kind[k] == SLIDING
+        changed = changed or (holds and (S.status[k] == SOLVED) != (W.instant.came[k] == SOLVED))
     for k in range(j + 1, j + 1 + P.dim[j]):
         short = short or S.status[k] != SOLVED
     return changed and (short or depend(P, S, W, j, True))

@@ -41,7 +41,7 @@ from ..state import (
     State,
 )
 from ..step.finer import SWITCHING, follow_arcs, follow_as_asked
-from ..step.meeting import orders_at_rest, rested_on
+from ..step.meeting import is_clocked, orders_at_rest, rested_on
 from ..step.recording import put_causes_on_tape, record_ambiguity, record_event, record_point
 from ..step.singular import POLE, has_branch_point
 from ..surface.layer import LEAVE_FOLD
@@ -55,6 +55,7 @@ from .contacts import (
     UNTOLD,
     collapses,
     cross_without_load,
+    crosses_as_contacts_open,
     impact_to_the_end,
     is_behind,
     outcome_of,
@@ -62,7 +63,16 @@ from .contacts import (
     settle_contacts,
     stop_closed,
 )
-from .discs import ALONE, ARRIVING, AT_REST, free_components, resettle_discs, settle_discs, slip_by_layer
+from .discs import (
+    ALONE,
+    ARRIVING,
+    AT_REST,
+    free_components,
+    resettle_discs,
+    settle_discs,
+    slip_by_layer,
+    some_share,
+)
 from .dry_friction import leave_loop, settle_friction
 from .firing import (
     carried_along,
@@ -194,6 +204,10 @@ def _arrivals(P, C, S, R, W, size, jumped, turned):
             instant.arrival[0] = S.status[j]
             one = settle_arrivals(P, S, R, W, 1)
             code = code if one == GO_ON else one
+    for a in range(size if len(P.contact) > 0 and code == GO_ON and not jumped else 0):
+        j = instant.active[a]
+        if S.status[j] == SOLVED and abs(instant.came[j]) == 1 and crosses_as_contacts_open(P, S, W, j):
+            instant.look_again = 1
     if code == GO_ON and P.discs != 0:
         for a in range(joint):
             instant.kept[0, a] = instant.active[a]
@@ -281,6 +295,8 @@ def _settle_switches(P, C, S, R, W):
     jumped = instant.jumped != 0
     if jumped:
         sides_after_jump(P, S, R, W)
+        for j in range(m):
+            instant.hit[j] = instant.hit[j] and not is_clocked(C, j)  # it has crossed by the clock
         if P.discs != 0:
             free_components(P, S, W)
         stay_at_rest(P, C, S, R, W)
@@ -317,6 +333,7 @@ def _settle_switches(P, C, S, R, W):
                 if status[j] != HELD:
                     record_event(S, R, j, EV_TANGENCY, 0, status[j])
                     part_or_press(P, S, W, j)
+                    switched = switched or (P.discs != 0 and some_share(P, S))
         elif P.kind[j] == SLIDING:
             instant.active[size] = j
             size += 1

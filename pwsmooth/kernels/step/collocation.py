@@ -26,7 +26,7 @@ _ALIKE = 1e-8  # of the way since the start: what Newton's method is content wit
 _CHANGED = 1e-13  # of that way, and 0.1 of rtol: what Newton's method would still change, at its pace
 _HELD = 1e-10  # of the multipliers of other sticks: roundings of a direction are no less
 _ROUNDING, _BLURRED = 1e-15, 1e-3  # of the states, and of a rate: what roundings may make of it
-_DEFECT = 10.0  # tolerances: that of the polynomial, whose order is half of that of the step's end
+DEFECT = 10.0  # tolerances: that of the polynomial, whose order is half of that of the step's end
 
 
 def _radau():
@@ -331,7 +331,7 @@ def misfit(P, C, S, W, h):
         for c in range(STAGES - 1, 0, -1):
             slope = slope * s + c * rows[i, c]
         scale = C.atol[i] + C.rtol * max(abs(S.x[i]), h * abs(rows[i, 1]))
-        defect = (abs(slope - W.dx[i]) - _rate_rounding(W, i)) * h / (_DEFECT * scale)
+        defect = (abs(slope - W.dx[i]) - _rate_rounding(W, i)) * h / (DEFECT * scale)
         if not defect < math.inf:
             return math.inf
         worst = max(worst, defect)
@@ -341,5 +341,5 @@ def misfit(P, C, S, W, h):
             value = rows[n + j, STAGES]
             for c in range(STAGES - 1, -1, -1):
                 value = value * s + rows[n + j, c]
-            worst = max(worst, abs(value - S.mult[j]) / (_DEFECT * max(C.rtol, _HELD) * (1.0 + abs(value))))
+            worst = max(worst, abs(value - S.mult[j]) / (DEFECT * max(C.rtol, _HELD) * (1.0 + abs(value))))
     return worst

@@ -9,18 +9,20 @@ from ..intervals import time_size
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.lanes import load8, store8
 from ..machine.pointers import at, call_act, call_linear
-from ..state import ALGEBRAIC, COMPONENT, CONTACT, DISC, HELD, KINK, PAIR, SLIDING, SOLVED
-from ..surface.sliding import surface_size
+from ..state import ALGEBRAIC, COMPONENT, CONTACT, DISC, HELD, KINK, PAIR, SLIDING, SOLVED, START
+from ..surface.sliding import surface_size, surface_tolerance
+from .collocation import DEFECT
 from .finer import SWITCHING
 from .rhythm import expected
 from .roots import GRAZING, NO_ROOT, first_root, low_bounds, remainder
-from .steps import REACH, SURFACE_ROUNDING, dot, powers, scaled, surface_rows
+from .steps import REACH, SURFACE_ROUNDING, dot, powers, scaled, surface_rows, variation
 
 _LEAST = 1e-3  # of its tolerance: the rounding of a state that is a surface, where its arcs shrink
 _ROUNDING = 1e-13  # of what the terms of a series add up to
 _ROUNDING_OF_A_FIT = 1e-12  # of a lambda near 1 in the terms of the pair's fit: 2^-53 times some thousands
 _TOUCHES = 4  # orders to which a surface or a bound may be touched where a step begins, but for exact zeros
 _BEFORE = 1e-6  # of a step
+_AT_ONSET = 1e-3  # of a step: as near to its beginning as a defect makes a zero
 _RESTING = 8  # terms of a series that are looked at
 _NEARBY = 1e3  # times that: worth a look
 _CURVED = 1e-6  # of a surface's change on the step: less is the bend of one that crosses with its slope 0
@@ -41,12 +43,15 @@ def _past_touches(row, power, poly, degree, drop, sign, rounding):
 
 
 @inlined_kernel
-def meet(P, row, power, degree, drop, sign, W, rounding=SURFACE_ROUNDING):
-    """First zero of sign * row on the step, known zero orders dropped; leaving at rounding level is none."""
+def meet(P, row, power, degree, drop, sign, W, rounding=SURFACE_ROUNDING, unknown=0.0):
+    """First zero of sign * row on the step, known zero orders dropped; leaving at rounding level is none.
+
+    A zero that terms below `unknown` would make behind a start on the surface is that of the start.
+    """
     if drop == 2 and abs(at(row, 1)) > 1e-3 * abs(at(row, 2)) * at(power, 1):
         # Left with a slope, not tangentially: an algebraic unknown, or a field that has jumped again at this instant.
         drop = 1
-    poly = W.roots.poly
+    poly, at_start = W.roots.poly, unknown > 0.0 and drop == 0
     scaled(row, power, poly, degree, drop, sign)
     if poly[0] <= rounding:
         size = 0.0
@@ -55,8 +60,22 @@ def meet(P, row, power, degree, drop, sign, W, rounding=SURFACE_ROUNDING):
         if size <= (rounding if drop < 3 else 0.0):
             return NO_ROOT  # it rests where it is
         if drop < 3:
-            drop = _past_touches(row, power, poly, degree, drop, sign, _ROUNDING * size)
-    return first_root(P, W.roots, degree - drop)
+            told = max(_ROUNDING * size, unknown / at(power, drop))
+            drop = _past_touches(row, power, poly, degree, drop, sign, told)
+    else:
+        at_start = False
+    met = first_root(P, W.roots, degree - drop)
+    return 0.0 if at_start and met <= _AT_ONSET and abs(at(row, 1)) * at(power, 1) <= unknown else met
+
+
+@inlined_kernel
+def _unknown_at_onset(P, C, S, row, j, W):
+    """What the first terms of surface j may be and be none, where a slip begins from rest with no acceleration: twice
+    the defect of a step by collocation, which is as large where it begins as where it is looked at."""
+    if W.step.kind != START or W.onset.goes_on != 0 or (j < P.m and P.kind[j] == CONTACT):
+        return 0.0
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    return 2.0 * DEFECT * (surface_tolerance(P, C, W, j) + C.rtol * variation(row, W.step.power, C.order))
 
 
 @inlined_kernel
@@ -220,7 +239,8 @@ def find_first(P, C, S, W):
             rounding = SURFACE_ROUNDING
             if step.nears == SWITCHING and P.surface_state[j] >= 0:
                 rounding = _LEAST * step.atol[P.surface_state[j]]
-            met = meet(P, rows[all_rows[j]], power, K, deflate[j], float(status[j]), W, rounding)
+            unknown = _unknown_at_onset(P, C, S, rows[all_rows[j]], j, W)
+            met = meet(P, rows[all_rows[j]], power, K, deflate[j], float(status[j]), W, rounding, unknown)
             if kind[j] == KINK and met <= 1.0:
                 away = abs(at(rows[all_rows[j]], 0))
                 meeting.widest[j] = max(meeting.widest[j], away)
@@ -238,7 +258,10 @@ def find_first(P, C, S, W):
             roots.dips = 0
             roots.guess = expected(W, i, S.side[i - m], S.t, h)
             _note_size(P, C, W, i, rows[all_rows[i]], deflate[i])
-            tau[i] = meet(P, rows[all_rows[i]], power, K, deflate[i], float(S.side[i - m]), W)
+            unknown = _unknown_at_onset(P, C, S, rows[all_rows[i]], i, W)
+            tau[i] = meet(
+                P, rows[all_rows[i]], power, K, deflate[i], float(S.side[i - m]), W, SURFACE_ROUNDING, unknown
+            )
             best = min(best, tau[i])
             if roots.dips != 0 and _would_act(P, C, S, i - m, roots.dip_at, W):
                 meeting.grazed[i], meeting.graze_crosses[i] = roots.dip_at, roots.dip_crosses

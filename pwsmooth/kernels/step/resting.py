@@ -152,7 +152,8 @@ def _come_from(P, S, R, W, j):
 
 @kernel
 def come_to_rest_in_disc(P, C, S, R, W, h):
-    """(h, shortened so that no disc comes to rest within it; the disc that is at rest now, S moved to there, or -1)."""
+    """(h, shortened so that no disc comes to rest within it, nan where the series are not finite; the disc that is at
+    rest now, S moved to there, or -1)."""
     rows, all_rows, known = W.step.rows, surface_rows(P, W.step.kind), False
     for j in range(P.m):
         if P.kind[j] != DISC or S.status[j] != 1:
@@ -179,8 +180,9 @@ def come_to_rest_in_disc(P, C, S, R, W, h):
         if not slope < 0.0:
             continue
         left = -2.0 * square / slope
-        if square <= early:
-            closes, latest = square <= late, W.step.stop
+        if square <= early or math.isnan(h):
+            # Also where powers of its rate are no numbers any more, as in a short unit of time.
+            closes, latest = square <= late or math.isnan(h), W.step.stop
             if not closes:
                 latest = min(latest, S.t + _FAR * left)
                 closes = _closes_early(P, S, W, j, h, left, first, tolerance)

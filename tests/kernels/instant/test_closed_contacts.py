@@ -315,3 +315,23 @@ def test_bodies_whose_impacts_collapse_go_on_with_one_speed(masses, e, places, u
     common = np.dot(masses, speeds) / sum(masses)
     assert np.abs(run.x[3:, -1] / unit - common).max() < 1e-12
     assert not run.ambiguities
+
+
+@pytest.mark.parametrize(("force", "lifts"), [(-0.5, True), (-0.9, False)])
+@METHODS
+def test_a_switch_that_would_stick_by_a_pull_of_a_contact_crosses(method, force, lifts):
+    """On y = 1/8 the force on the ball steps up by 1.5, and y is driven by half of its reaction: 0.75 - force before.
+
+    Beyond the surface a contact that could pull would drive y back; a rigid one opens, or presses less.
+    """
+    R = Unilateral(x, name="A")
+    push = sp.sign(2 * y + v - 0.25)
+    system = System({x: v, v: w + R.reaction + 0.75 * push, y: 0.1 + R.reaction / 2, w: 0}, contacts=[R])
+    met = 0.125 / (0.1 + (0.75 - force) / 2)
+    run = ends(system, met + 0.5, {x: 0, v: 0, y: 0, w: force}, method)
+    lift = max(force + 0.75, 0)
+    assert len(run.event_times(kind="opening")) == lifts
+    expected = 0.125 + 0.5 * (0.1 + max(-force - 0.75, 0) / 2)
+    np.testing.assert_allclose(
+        [run["x"][-1], run["v"][-1], run["y"][-1]], [lift / 8, lift / 2, expected], atol=1e-9
+    )

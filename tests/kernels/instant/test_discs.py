@@ -111,6 +111,41 @@ def hidden():
     )  # fmt: skip
 
 
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-11])
+def test_a_slip_that_begins_takes_switches_on_its_components_along_at_once(rtol):
+    """A surface of the slip is 0 with it, and beyond it the slip leads: it is never on the other side."""
+    lam, given = Disc("lam", (vx, vy)), {F1: 0.75, F2: 1, mu: 1}
+    pull = sp.sin(3 * t) / 2 - F1, F2 * sp.sin(3 * t - 0.25) / 2
+    rates = {vx: pull[0] - mu * lam[0], vy: pull[1] - mu * lam[1]}
+    alone = System(rates, time=t, parameters=given)
+    for sides, change in ((vx - vy, 1), (vy - vx, 0), (2 * vx + vy, 1)):
+        beside = System(
+            rates | {z: 1 + 0.1 * sp.Piecewise((z, sides < 0), (-z, True))}, time=t, parameters=given
+        )
+        for turned in (0.0, 0.7, 1.1):
+            starts, options = {vx: 0, vy: 0}, {"rtol": rtol, "parameters": {F2: turned}}
+            run = solve(alone, (0, 1.6), starts, **options)
+            other = solve(beside, (0, 1.6), starts | {z: 0}, **options)
+            assert run.success and other.success
+            crossings = [event for event in other.events if event.kind == "crossing" and event.switch != "lam"]
+            assert len(crossings) == change
+            np.testing.assert_allclose(other.y[:2, -1], run.y[:2, -1], atol=10 * rtol)
+
+
+@pytest.mark.parametrize("unit", [1e-8, 1e-6, 1.0, 1e6])
+def test_a_small_slip_comes_to_rest_in_any_unit_of_time(unit):
+    # From 3e-4 of rest powers of its rate exceed all numbers soon where the unit is short.
+    lam = Disc("lam", (vx - 0.25, vy))
+    rates = {vx: sp.sin(2 * t / unit + 0.75) / 2 - lam[0], vy: sp.sin(t / unit) / 2 - lam[1]}
+    run = solve(
+        System({v: rate / unit for v, rate in rates.items()}, time=t),
+        (2.28 * unit, 3 * unit),
+        {vx: 0.2497, vy: 0.00012},
+    )
+    assert run.success and run.y[:, -1].tolist() == [0.25, 0]
+    np.testing.assert_allclose(run.event_times(kind="stick") / unit, [2.28071863], rtol=1e-8)
+
+
 def test_a_hidden_fold_lets_go_on_the_break_away_circle():
     s = solve(hidden(), (0, 20), [0, 0, 0, 0], **TIGHT)
     (event,) = s.events
@@ -363,6 +398,20 @@ def test_a_disc_and_a_switch_at_rest_are_settled_together():
         solution = solve(system, (0, 1), [0] * 6, parameters=dict(zip((pull, drive), given, strict=True)))
         assert solution.success and not solution.events and not solution.ambiguities
         assert np.allclose(solution.x[[3, 5], -1], speeds, atol=1e-12)
+
+
+@pytest.mark.parametrize("start", [(0, 0), (-0.25, 0.1), (0, 0.1)])
+def test_what_a_switch_holds_a_disc_leaves_to_it_and_takes_over(start):
+    """Two brakes along y: the switch gives way at the force 1, and the disc as the rest leaves its circle."""
+    lam = Disc("lam", (vx, vy))
+    force = 0.4 * sp.sin(t), 0.2 + t / 2
+    brakes = System({vx: force[0] - lam[0] / 2, vy: force[1] - lam[1] / 2 - sp.sign(vy)}, time=t)
+    run = solve(brakes, (0, 4), dict(zip((vx, vy), start, strict=True)), dense_output=True)
+    assert run.success and [a.kind for a in run.ambiguities] == ["multipliers not unique"]
+    gives = brentq(lambda s: (0.8 * math.sin(s)) ** 2 + (s - 1.6) ** 2 - 1, 1.6, 3)
+    # A disc that slips leaves a switch beside it to its side, which has gone before.
+    np.testing.assert_allclose(run.event_times(kind="slip"), [1.6, gives], atol=1e-9)
+    assert np.abs(run(gives)).max() < 1e-12 and run["vy"][-1] > 0.1
 
 
 def test_a_slip_begins_where_the_sticks_beside_it_hold_as_they_will():

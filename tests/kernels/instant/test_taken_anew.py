@@ -35,6 +35,16 @@ def test_an_event_on_an_unknown_is_left_as_the_unknown_goes(method):
 
 
 @METHODS
+def test_an_event_on_an_unknown_fires_once(method):
+    # a = 2y - 1/10 rises as y = t does, and is c at t = (c + 0.1)/2: known by its series to the tolerance, before.
+    bell = Event(c - a, direction=-1, update={x: x - 1}, name="bell")
+    system = System({x: -x, y: 1}, parameters={c: 1}, events=[bell], algebraic=[Algebraic(a, a - 2 * y + 0.1)])
+    for level in np.linspace(0.1, 1.9, 15):
+        run = solve(system, (0, 1.1), {x: 1, y: 0}, parameters={c: level}, method=method)
+        np.testing.assert_allclose(run.event_times(switch="bell"), [(level + 0.1) / 2], atol=1e-9)
+
+
+@METHODS
 def test_a_jump_of_a_surface_against_the_direction_fires_nothing_and_the_next_zero_does(method):
     # Mod(t, 10) - 3 rises through 0 at 3, 13, ... and falls by its jumps at 10, 20, ...
     bell = Event(sp.Mod(t, 10) - 3, direction=1, update={x: x + 1}, name="bell")
@@ -256,14 +266,36 @@ def test_an_update_leaves_the_switch_that_has_just_crossed_on_its_new_side(metho
 
 @METHODS
 @pytest.mark.parametrize("start", [-0.6, 0.6])
-@pytest.mark.parametrize("inside", [x + sp.sign(x), y / 4 + sp.Heaviside(x) - 0.5, a / 4 + sp.sign(a)])
-def test_a_sign_holds_the_motion_by_the_signs_that_jump_with_it(inside, start, method):
+@pytest.mark.parametrize(
+    ("inside", "unknown"),
+    [
+        (x + sp.sign(x), x),
+        (y / 4 + sp.Heaviside(x) - 0.5, x),
+        (a / 4 + sp.sign(a), x),
+        (a, y / 4 + sp.sign(x)),
+        (y + 2 * a, -y / 8 + 3 * sp.Heaviside(x) - 1),
+    ],
+)
+def test_a_sign_holds_the_motion_by_the_signs_that_jump_with_it(inside, unknown, start, method):
     # Above x = 0 the outer sign is 1, below it is -1: as x' = -(sign x)/2 + 1/8, which stays at 0 after 1.6 and 0.96.
-    system = System({x: sp.Rational(1, 8) - sp.sign(inside) / 2, y: -y}, algebraic=[Algebraic(a, a - x)])
+    equation = Algebraic(a, 2 * (a - unknown))
+    system = System({x: sp.Rational(1, 8) - sp.sign(inside) / 2, y: -y}, algebraic=[equation])
     run = solve(system, (0, 3), {x: start, y: 0.2}, method=method)
     assert run.success and not len(run.ambiguities)
     arrival = run.t[np.flatnonzero(np.abs(run["x"]) < 1e-12)[0]]
     assert run["x"][-1] == 0 and arrival == pytest.approx(0.6 / (0.625 if start < 0 else 0.375), abs=1e-9)
+
+
+def test_a_tooth_that_steps_as_an_event_strikes_lets_static_friction_go():
+    # At t = 1 the force steps from q + 1/2 to q, beyond the break-away force; the slip that begins is backwards.
+    lam = Switch("lam", v)
+    friction = 0.544 * lam * (1 + 1.141 * (1 - lam**2))
+    strike = Event(at=1, update={n: n + 1})
+    system = System({v: q + sp.Mod(t, 1) / 2 - friction}, time=t, parameters={q: -1}, events=[strike])
+    for force in (-0.8, -0.76, -0.72, -0.7):
+        run = solve(system, (0.75, 1.5), {v: 0}, parameters={q: force})
+        assert run.success, run.message
+        assert run["v"][-1] == pytest.approx((force + 0.544) / 2 + 1 / 16, abs=1e-9)
 
 
 @pytest.mark.parametrize("level", [2.0, 0.25])
