@@ -448,10 +448,9 @@ def _nested(of: Multiplier | EventSpec, lams: set[sp.Symbol]) -> int:
 
 
 def _is_wave(mu: Multiplier, moving: set[sp.Symbol]) -> int:
-    """Whether the surface of a switch that is crossed is a sine of what is `moving`, not of time alone."""
+    """Whether the surface of a switch is a sine of what is `moving`, not of time alone."""
     h = mu.surface
-    crossed = mu.kind == "switch" and not mu.may_be_solved and mu.second is None
-    return int(crossed and isinstance(h, (sp.sin, sp.cos)) and bool(h.free_symbols & moving))
+    return int(mu.kind == "switch" and isinstance(h, (sp.sin, sp.cos)) and bool(h.free_symbols & moving))
 
 
 def _surface_state(model: Model, mu: Multiplier | EventSpec) -> int:

@@ -34,6 +34,7 @@ from .surface_rates import any_kind, approach_speed, evaluate_surfaces
 
 _MOST_INSIDE = 1e-9  # of the states and their way: what one may be moved by
 _TICK = 1e-15  # of the time: its rounding
+_OF_A_STEP = 1e-8  # by so much at most the series of a step tells an instant too late or too early
 
 
 @kernel
@@ -333,6 +334,17 @@ def fire_due(P, S, R, W):
 
 
 @kernel
+def _late_by(P, S, W):
+    """How late or early the instant may be: what the surfaces of switches that cross are off by, over their speeds."""
+    late = 0.0
+    for i in range(P.m):
+        if W.instant.hit[i] and P.kind[i] < DISC and abs(S.status[i]) == 1:
+            speed = abs(surface_speed(P, W, i))
+            late = max(late, abs(W.h[i]) / speed if speed > 0.0 else 0.0)
+    return min(late, _OF_A_STEP * W.step.length)
+
+
+@kernel
 def sides_after_crossing(P, S, R, W):
     """A surface in which another multiplier stands has jumped with it: its switch takes the side it finds itself on."""
     for _ in range(P.m):
@@ -342,7 +354,10 @@ def sides_after_crossing(P, S, R, W):
         for j in range(P.m):
             if P.nested[j] == 0 or W.instant.hit[j] or P.kind[j] >= CONTACT:
                 continue
-            if abs(W.h[j]) <= surface_rounding(P, S, j, W):
+            within = surface_rounding(P, S, j, W) + _late_by(P, S, W) * abs(surface_speed(P, W, j))
+            if abs(W.h[j]) <= within:
+                if S.deflate[j] == 0 and S.status[j] * approach_speed(P, S, j, W) > W.instant.rest_speed:
+                    S.deflate[j] = 1  # it has jumped onto its surface, and is left on the side that it has
                 continue
             S.deflate[j] = 0
             side = 1 if W.h[j] > 0.0 else -1

@@ -302,7 +302,7 @@ def _settle_switches(P, C, S, R, W):
         stay_at_rest(P, C, S, R, W)
         hold_what_rests(P, S, R, W)
     switched = jumped
-    size = 0
+    size, later = 0, False
     inside = _note_those_inside(P, S, W)
     for j in range(m):
         if not instant.hit[j] or P.kind[j] >= DISC or status[j] == HELD:
@@ -335,6 +335,9 @@ def _settle_switches(P, C, S, R, W):
                     part_or_press(P, S, W, j)
                     switched = switched or (P.discs != 0 and some_share(P, S))
         elif P.kind[j] == SLIDING:
+            if inside and not jumped and _jumps_with_another(P, S, W, j):
+                later = True
+                continue
             instant.active[size] = j
             size += 1
         else:
@@ -390,9 +393,45 @@ def _settle_switches(P, C, S, R, W):
         if code != GO_ON:
             return code, True
         switched = True
+    if later:
+        code = _settle_what_jumps(P, C, S, R, W)
+        if code != GO_ON:
+            return code, True
+        switched = True
     if switched and _rest_anew(P, S, W, jumped):
         settle_beside(P, C, S, R, W)
     return GO_ON, switched
+
+
+@kernel
+def _jumps_with_another(P, S, W, j):
+    """Whether the surface of switch j jumps with another switch that is met and may slide."""
+    for i in range(P.m if P.nested[j] != 0 else 0):
+        if i == j or not W.instant.hit[i] or P.kind[i] != SLIDING or abs(S.status[i]) != 1:
+            continue
+        keep = S.mult[i]
+        S.mult[i] = 1.0
+        evaluate_surfaces(P, S, W)
+        above = W.h[j]
+        S.mult[i] = -1.0
+        evaluate_surfaces(P, S, W)
+        S.mult[i] = keep
+        if abs(W.h[j] - above) > surface_rounding(P, S, j, W):
+            return True
+    return False
+
+
+@kernel
+def _settle_what_jumps(P, C, S, R, W):
+    """Switches whose surfaces jump with others of this instant: what is still met settles behind these; a code."""
+    instant, size = W.instant, 0
+    leave_what_jumps(P, S, W)
+    for j in range(P.m):
+        waits = instant.hit[j] and P.kind[j] == SLIDING and P.nested[j] != 0
+        if waits and abs(S.status[j]) == 1 and S.status[j] == instant.came[j]:
+            instant.active[size] = j
+            size += 1
+    return _arrivals(P, C, S, R, W, size, False, True) if size > 0 else GO_ON
 
 
 @kernel
@@ -582,6 +621,15 @@ def _unknowns_turn(P, W):
     return found and any_kind(P, ALGEBRAIC)
 
 
+@kernel
+def _closed(P, S):
+    """How many contacts are closed."""
+    closed = 0
+    for j in P.contact:
+        closed += int(S.status[j] == SOLVED)
+    return closed
+
+
 @unit(types.int64, Problem, Control, State, Record, Work)
 def at_instant(P, C, S, R, W):
     """Acts on everything that happens at the present instant, at which S already stands. Returns a code.
@@ -610,7 +658,7 @@ def at_instant(P, C, S, R, W):
         put_causes_on_tape(P, C, S, R, W)
     record_point(P, S, R)
     S.stalled = S.stalled + 1 if elapsed <= UNTOLD * time_size(S) else 0
-    events_before = S.events
+    events_before, closed = S.events, _closed(P, S)
     endless = S.stalled > MOST_AT_ONCE
     if endless or (len(P.contact) > 1 and collapses(P, S, W)):
         # Derivatives do not go through what is told as one instant.
@@ -660,6 +708,8 @@ def at_instant(P, C, S, R, W):
         return code
     if len(P.contact) > 0:
         stop_closed(P, S, W)
+        if any_kind(P, CROSSING) and _closed(P, S) > closed:
+            settle_beside(P, C, S, R, W)  # on what the contact keeps from there
     freed = _is_freed(P, S, W)
     if P.ne > 0 and (jumped or freed):
         _sides_of_events(P, C, S, W, freed)

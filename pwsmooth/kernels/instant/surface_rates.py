@@ -26,6 +26,7 @@ from ..step.steps import take_jet, take_slip_jet
 from ..surface.sliding import follow, keep_on_surface, mask_instant, mask_solved, side_at_zero, surface_rounding
 
 _HIGHEST = 7  # order with which a surface is left
+_ROUNDING = 1e-13  # of the states and what they change by
 MOMENT = 1e-6  # of the unit of time
 FAINT = 1e-3  # of the strength of a friction a moment later: what is as small now only begins to grow
 
@@ -197,7 +198,9 @@ def order_of_leaving(P, C, S, W, j):
     if not follow(P, S, W) or take_jet(P, C, S, True, W) < 0:
         return 0
     row, h = W.step.rows[P.rows_general[j]], pace(S)
-    size, power, finite = 1e-3, 1.0, 0.0
+    size, power, finite, rounding = 1e-3, 1.0, 0.0, 0.0
+    for i in range(P.n):
+        rounding += _ROUNDING * (abs(S.x[i]) + abs(W.step.rows[i, 1]) * h)
     for k in range(1, _HIGHEST):
         power *= h
         size, finite = max(size, abs(row[k]) * power), finite + 0.0 * row[k]
@@ -207,7 +210,7 @@ def order_of_leaving(P, C, S, W, j):
     for k in range(1, _HIGHEST):
         power *= h
         # A bound is met within its tolerance, and leaves as much where an order vanishes.
-        if abs(row[k]) * power > 1e-9 * size:
+        if abs(row[k]) * power > max(1e-9 * size, rounding):
             return k if row[k] > 0.0 else -k
     return 0
 

@@ -126,3 +126,29 @@ def test_a_condition_on_a_state_at_its_bound(condition, method):
         run = solve(System({z: when(condition), y: rate}), (0, 3), {z: 0, y: 1}, method=method)
         held = 2 * bool(condition.subs(y, 0)) + bool(condition.subs(y, 0.5))
         assert run["z"][-1] == pytest.approx(held, abs=1e-4) and not ambiguous(run)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1, 1e6])
+@pytest.mark.parametrize("method", ["auto", "rk"])
+def test_the_sign_of_a_gap_is_zero_once_its_contact_has_closed_in_any_unit(size, method):
+    # Bounces end at t = 3 at the latest; e = sign(q) - e is 0 from there, but for what is left of it.
+    unit = sp.Symbol("unit", positive=True)
+    push = Unilateral(q / 1000, restitution=0.5, name="R").reaction / 1000
+    rates = {q: u, u: unit * (-1 + 0.75 * sp.sin(t + 0.25)) + push, e: unit * sp.sign(q) - e}
+    system = System(rates, time=t, parameters={unit: 1.0})
+    start = {q: 0.06 * size, u: 0, e: 0}
+    run = solve(system, (0, 9), start, parameters={unit: size}, method=method, t_eval=[5, 9], atol=1e-12 * size)
+    assert run["e"][-1] == pytest.approx(run["e"][-2] * np.exp(-4), abs=1e-9 * size) and not ambiguous(run)
+
+
+@pytest.mark.parametrize("method", ["auto", "rk"])
+def test_stairs_that_hold_the_motion_where_it_starts_fire_no_event(method):
+    # x = 0 is held by the stairs of 4 x; an event waits for x to rise through 0.
+    held = System(
+        {y: sp.frac(4 * y + 2 * k) - sp.S.Half, z: 0},
+        parameters={k: 1},
+        events=[Event(y / 2, update={z: z + 1})],
+    )
+    for at in (0.5, 1, -1.5, -3):
+        run = solve(held, (0, 2), {y: 0, z: 0}, parameters={k: at}, method=method)
+        assert run["z"][-1] == 0 and run["y"][-1] == pytest.approx(0, abs=1e-12)

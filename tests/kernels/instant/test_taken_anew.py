@@ -334,3 +334,25 @@ def test_a_switch_of_an_unknown_that_has_crossed_does_not_turn_back_by_a_roundin
     )
     run = solve(system, (0, 6), {x: 0.1, y: 0.3}, parameters={c: -level * unit, q: unit}, method=method)
     assert run.success and run["n"][-1] == 1 and [e.kind for e in run.events] == ["crossing", "reset"]
+
+
+@METHODS
+def test_a_condition_on_a_tooth_stays_on_its_side_where_the_tooth_steps(method):
+    """Mod(2 y - x, c) < c always holds, so that y' = -1 - y/2; where y falls through a tooth its surface is 0."""
+    system = System(
+        {y: -sp.Piecewise((1, sp.Mod(2 * y - q, c) < c), (0, True)) - y / 2}, parameters={c: 1, q: 0}
+    )
+    random = np.random.default_rng(1)
+    for _ in range(40):
+        width, level, begin = random.uniform(0.5, 1.2), random.uniform(-1, 1), random.uniform(0, 1)
+        run = solve(system, (0, 2), {y: begin}, parameters={c: width, q: level}, method=method)
+        assert run["y"][-1] == pytest.approx((begin + 2) * np.exp(-1) - 2, abs=1e-7)
+
+
+@METHODS
+def test_stairs_whose_surface_jumps_as_it_comes_to_zero_stay_on_their_step(method):
+    """u = floor(x)/2 - x + 1 comes down to 0 at x = 1, and jumps up to 1/2 there: floor(u) is 0 up to x = 3/2."""
+    inner = sp.floor(x)
+    system = System({x: 1 + inner / 10 + sp.floor(inner / 2 - x + 1) / 10})
+    run = solve(system, (0, 0.75 + 0.5 / 1.1 + 0.5), {x: 0.25}, method=method)
+    assert run["x"][-1] == pytest.approx(2, abs=1e-9) and not run.ambiguities
