@@ -519,6 +519,8 @@ def _follow_up(P, C, S, R, W):
     code = resettle_discs(P, C, S, R, W, switches) if P.discs != 0 else GO_ON
     if code == GO_ON:
         code = resettle(P, C, S, R, W)
+    if code == GO_ON and P.discs != 0 and some_share(P, S):
+        code = resettle_discs(P, C, S, R, W, switches)  # what a switch has held it may have let go
     for j in range(P.m):
         if S.status[j] != W.instant.status[j] and S.status[j] != HELD and P.kind[j] != COMPONENT:
             record_event(S, R, j, EV_RESET, SOLVED, S.status[j])

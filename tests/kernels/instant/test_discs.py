@@ -414,6 +414,16 @@ def test_what_a_switch_holds_a_disc_leaves_to_it_and_takes_over(start):
     assert np.abs(run(gives)).max() < 1e-12 and run["vy"][-1] > 0.1
 
 
+@pytest.mark.parametrize(("jump", "slips"), [(0.5, False), (1.2, False), (2.0, True)])
+def test_a_force_that_jumps_is_shared_anew_by_a_disc_and_a_switch(jump, slips):
+    # Together they hold 3/2 along y; at t = 1 the force becomes 0.2 + jump.
+    lam, more = Disc("lam", (vx, vy)), Memory("more", 0.0)
+    strike = Event(at=1, update={more: more + jump})
+    brakes = System({vx: -lam[0] / 2, vy: 0.2 + more - lam[1] / 2 - sp.sign(vy)}, time=t, events=[strike])
+    run = solve(brakes, (0, 2), {vx: 0, vy: 0})
+    assert run.success and run["vy"][-1] == pytest.approx(0.7 if slips else 0, abs=1e-9)
+
+
 def test_a_slip_begins_where_the_sticks_beside_it_hold_as_they_will():
     """A block that is pulled askew off a plate which its friction and the ground hold: at once as in closed form."""
     x, y, u, vx, vy, w = sp.symbols("x y u v_x v_y w", real=True)
