@@ -353,7 +353,8 @@ class Module:
     def read(self, text: str) -> list[ast.FunctionDef]:
         """Function definitions of a text; its constants, and the numbers of elements that it reads, are noted."""
         self.constants, nodes = {}, []
-        for node in ast.parse(text).body:
+        tree = objects.parsed.pop(text, None) or ast.parse(text)
+        for node in tree.body:
             if isinstance(node, ast.Assign):
                 self.constants[node.targets[0].id] = ast.literal_eval(node.value)
             elif isinstance(node, ast.FunctionDef):

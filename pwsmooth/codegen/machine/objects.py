@@ -206,7 +206,7 @@ class Code:
             for node in ast.parse(head).body
             if isinstance(node, ast.Assign)
         }
-        self._text, self._build, self._sizes, self._tables = text, build, sizes, tables
+        self.text, self._build, self._sizes, self._tables = text, build, sizes, tables
         self._names = [function.partition("(")[0] for function in functions]
         self._optimised: llvm.ExecutionEngine | None = None
         self._turn = threading.Lock()
@@ -234,7 +234,8 @@ class Code:
         with self._turn:
             if self._optimised:
                 return
-            engine = self._optimised = self._linked(_make(self._text, self._build, first=False))
+            engine = self._optimised = self._linked(_make(self.text, self._build, first=False))
+            parsed.pop(self.text, None)
             for name in self._names:
                 if place := self.place(f"{name}_now"):
                     ctypes.c_void_p.from_address(place).value = engine.get_function_address(name)
@@ -252,6 +253,8 @@ _loaded: WeakValueDictionary[tuple[str, tuple[int, ...], tuple[Table, ...]], Cod
 _counting: WeakValueDictionary[int, Code] = WeakValueDictionary()  # by where it counts its calls
 _optimising: WeakSet[threading.Thread] = WeakSet()
 _lock = threading.Lock()
+# Texts to be optimised, parsed by the thread that calls them: two threads of Python 3.11 cannot parse at one time.
+parsed: dict[str, ast.Module] = {}
 
 
 @ctypes.CFUNCTYPE(None, ctypes.c_size_t)
@@ -259,6 +262,7 @@ def _called_often(place: int) -> None:
     """Starts the thread that optimises a code. The first code itself calls this, in the midst of a run."""
     try:
         if code := _counting.pop(place, None):
+            parsed[code.text] = ast.parse(code.text)
             thread = threading.Thread(target=code.optimise)
             _optimising.add(thread)
             thread.start()
