@@ -47,6 +47,11 @@ class ImpulsesOf:
             if e.free_symbols & {*reactions} and not e.free_symbols & unknown and is_affine(e, reactions)
         }
 
+    @functools.cached_property
+    def values(self) -> Any:
+        """A numpy function of these outputs."""
+        return vectorised(self.model, sp.Tuple(*self.outputs.values()))
+
     def __call__(
         self,
         times: np.ndarray,
@@ -77,7 +82,6 @@ class ImpulsesOf:
             rows = push[impacts]
             columns = [rows[:, k] for k in self.contacts.values()]
             if self.outputs and len(impacts):
-                of = vectorised(self.model, sp.Tuple(*self.outputs.values()))
                 at = np.searchsorted(t, times[impacts])
                 mult = rows.T.copy()
                 for k, mu in enumerate(self.model.multipliers):
@@ -85,7 +89,7 @@ class ImpulsesOf:
                         mult[k] = 0.5  # its components tell the direction, also of a slip
                 free = mult.copy()
                 free[list(self.contacts.values())] = 0.0
-                struck, unstruck = (of(t[at], *x[at].T, *values, *p) for values in (mult, free))
+                struck, unstruck = (self.values(t[at], *x[at].T, *rows, *p) for rows in (mult, free))
                 columns += [np.broadcast_to(a - b, len(impacts)) for a, b in zip(struck, unstruck, strict=True)]
             names = (*self.contacts, *self.outputs)
             result = {}

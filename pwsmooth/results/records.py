@@ -133,7 +133,7 @@ class EventLog(_Told, Sequence):
         if isinstance(i, slice):
             return Listed(self[k] for k in range(*i.indices(len(self))))
         impulse = self._impulses(range(len(self))[i]) if self._impulses else None
-        return EventRecord(float(self.times[i]), *self._words(*self.codes[i].tolist()), impulse)
+        return EventRecord(float(self.times[i]), *self._words(*self.codes[i].tolist()), impulse=impulse)
 
     def times_of(self, wanted: Callable[[EventRecord], bool]) -> np.ndarray:
         """Times of the events that `wanted` accepts; it is asked once for each switch and kind.

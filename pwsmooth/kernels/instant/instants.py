@@ -660,7 +660,7 @@ def at_instant(P, C, S, R, W):
         put_causes_on_tape(P, C, S, R, W)
     record_point(P, S, R)
     S.stalled = S.stalled + 1 if elapsed <= UNTOLD * time_size(S) else 0
-    events_before, closed = S.events, _closed(P, S)
+    events_before, closed = S.events, _closed(P, S) if any_kind(P, CROSSING) else -1
     endless = S.stalled > MOST_AT_ONCE
     if endless or (len(P.contact) > 1 and collapses(P, S, W)):
         # Derivatives do not go through what is told as one instant.
@@ -710,7 +710,7 @@ def at_instant(P, C, S, R, W):
         return code
     if len(P.contact) > 0:
         stop_closed(P, S, W)
-        if any_kind(P, CROSSING) and _closed(P, S) > closed:
+        if closed >= 0 and _closed(P, S) > closed:
             settle_beside(P, C, S, R, W)  # on what the contact keeps from there
     freed = _is_freed(P, S, W)
     if P.ne > 0 and (jumped or freed):

@@ -44,14 +44,12 @@ def _past_touches(row, power, poly, degree, drop, sign, rounding):
 
 @inlined_kernel
 def meet(P, row, power, degree, drop, sign, W, rounding=SURFACE_ROUNDING, unknown=0.0):
-    """First zero of sign * row on the step, known zero orders dropped; leaving at rounding level is none.
-
-    A zero that terms below `unknown` would make behind a start on the surface is that of the start.
-    """
+    """First zero of sign * row on the step, known zero orders dropped; leaving at rounding level is none. Of terms
+    below `unknown` nothing is known."""
     if drop == 2 and abs(at(row, 1)) > 1e-3 * abs(at(row, 2)) * at(power, 1):
         # Left with a slope, not tangentially: an algebraic unknown, or a field that has jumped again at this instant.
         drop = 1
-    poly, at_start = W.roots.poly, unknown > 0.0 and drop == 0
+    poly = W.roots.poly
     scaled(row, power, poly, degree, drop, sign)
     if poly[0] <= rounding:
         size = 0.0
@@ -60,22 +58,25 @@ def meet(P, row, power, degree, drop, sign, W, rounding=SURFACE_ROUNDING, unknow
         if size <= (rounding if drop < 3 else 0.0):
             return NO_ROOT  # it rests where it is
         if drop < 3:
-            told = max(_ROUNDING * size, unknown / at(power, drop))
+            told = _ROUNDING * size
+            if unknown > 0.0:
+                told = max(told, unknown / at(power, drop))
             drop = _past_touches(row, power, poly, degree, drop, sign, told)
-    else:
-        at_start = False
-    met = first_root(P, W.roots, degree - drop)
-    return 0.0 if at_start and met <= _AT_ONSET and abs(at(row, 1)) * at(power, 1) <= unknown else met
+    return first_root(P, W.roots, degree - drop)
 
 
-@inlined_kernel
-def _unknown_at_onset(P, C, S, row, j, W):
-    """What the first terms of surface j may be and be none, where a slip begins from rest with no acceleration: twice
-    the defect of a step by collocation, which is as large where it begins as where it is looked at."""
-    if W.step.kind != START or W.onset.goes_on != 0 or (j < P.m and P.kind[j] == CONTACT):
-        return 0.0
-    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
-    return 2.0 * DEFECT * (surface_tolerance(P, C, W, j) + C.rtol * variation(row, W.step.power, C.order))
+@kernel
+def _meet_at_onset(P, C, S, row, j, drop, sign, W, rounding):
+    """As `meet`, where a slip begins from rest with no acceleration: a zero that unknown terms would make behind a
+    start on the surface is that of the start. They are twice the defect of a step by collocation, as large where it
+    begins as where it is looked at."""
+    power, unknown = W.step.power, 0.0
+    if W.onset.goes_on == 0 and (j >= P.m or P.kind[j] != CONTACT):
+        call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+        unknown = 2.0 * DEFECT * (surface_tolerance(P, C, W, j) + C.rtol * variation(row, power, C.order))
+    met = meet(P, row, power, C.order, drop, sign, W, rounding, unknown)
+    stands = unknown > 0.0 and drop == 0 and sign * at(row, 0) <= rounding
+    return 0.0 if stands and met <= _AT_ONSET and abs(at(row, 1)) * at(power, 1) <= unknown else met
 
 
 @inlined_kernel
@@ -239,8 +240,10 @@ def find_first(P, C, S, W):
             rounding = SURFACE_ROUNDING
             if step.nears == SWITCHING and P.surface_state[j] >= 0:
                 rounding = _LEAST * step.atol[P.surface_state[j]]
-            unknown = _unknown_at_onset(P, C, S, rows[all_rows[j]], j, W)
-            met = meet(P, rows[all_rows[j]], power, K, deflate[j], float(status[j]), W, rounding, unknown)
+            if step.kind == START:
+                met = _meet_at_onset(P, C, S, rows[all_rows[j]], j, deflate[j], float(status[j]), W, rounding)
+            else:
+                met = meet(P, rows[all_rows[j]], power, K, deflate[j], float(status[j]), W, rounding)
             if kind[j] == KINK and met <= 1.0:
                 away = abs(at(rows[all_rows[j]], 0))
                 meeting.widest[j] = max(meeting.widest[j], away)
@@ -258,10 +261,11 @@ def find_first(P, C, S, W):
             roots.dips = 0
             roots.guess = expected(W, i, S.side[i - m], S.t, h)
             _note_size(P, C, W, i, rows[all_rows[i]], deflate[i])
-            unknown = _unknown_at_onset(P, C, S, rows[all_rows[i]], i, W)
-            tau[i] = meet(
-                P, rows[all_rows[i]], power, K, deflate[i], float(S.side[i - m]), W, SURFACE_ROUNDING, unknown
-            )
+            row, side = rows[all_rows[i]], float(S.side[i - m])
+            if step.kind == START:
+                tau[i] = _meet_at_onset(P, C, S, row, i, deflate[i], side, W, SURFACE_ROUNDING)
+            else:
+                tau[i] = meet(P, row, power, K, deflate[i], side, W)
             best = min(best, tau[i])
             if roots.dips != 0 and _would_act(P, C, S, i - m, roots.dip_at, W):
                 meeting.grazed[i], meeting.graze_crosses[i] = roots.dip_at, roots.dip_crosses
