@@ -55,9 +55,8 @@ class Field:
     typical: tuple[float, ...] = ()  # of the parameters: the size and order that they have
     members: dict[sp.Symbol, tuple[str, int]] = field(default_factory=dict)  # members of families
     sums: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()  # over families that are not written out
-    at_zero: dict[sp.Symbol, int | sp.Expr] = field(
-        default_factory=dict
-    )  # of switches, as that of a Multiplier
+    # Of switches, as that of a Multiplier.
+    at_zero: dict[sp.Symbol, int | sp.Expr] = field(default_factory=dict)
 
     def expressions(self):
         """All expressions whose symbols must be known."""

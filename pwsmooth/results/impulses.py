@@ -62,17 +62,18 @@ class ImpulsesOf:
         p: Any,
         now: bool,
     ) -> Callable[[int], Impulse | None]:
-        """Index of an event -> its impulse, or None of what is no impact. All are found when one is asked for, if not
-        `now`.
+        """Index of an event -> its impulse, or None of what is no impact.
 
         Parameters
         ----------
         times, codes, push : ndarray, shapes (ne,), (ne, 4), (ne, m)
             What the kernels recorded of the events.
         t, x : ndarray, shapes (nt,), (nt, n)
-            Columns of the run, those at the events among them; `now` where they shall not be kept.
+            Columns of the run, those at the events among them.
         p : ndarray
             Values of the parameters.
+        now : bool
+            Whether all are found at once; else when one is asked for, and the columns are kept until then.
         """
         p = np.array(p)
 

@@ -205,23 +205,26 @@ def propose_pair(P, C, S, W):
 
 
 @kernel
-def refine_by_pair(P, C, S, W, h):
-    """Overwrites the step by one that ends where the first surface is met, near h; returns its length, or nan."""
+def _first_met(P, W):
+    """The surface that is met first."""
     first = 0
     for i in range(P.m + P.ne):
         if W.meeting.tau[i] < W.meeting.tau[first]:
             first = i
-    return call_step(P.step_unit, P, C, S, W, h, first)
+    return first
+
+
+@kernel
+def refine_by_pair(P, C, S, W, h):
+    """Overwrites the step by one that ends where the first surface is met, near h; returns its length, or nan."""
+    return call_step(P.step_unit, P, C, S, W, h, _first_met(P, W))
 
 
 @kernel
 def refine_by_unknowns(P, C, S, W, h):
     """Where near h the surface that is met first is 0 with its unknowns solved for, which the polynomials have to the
     tolerance of the step alone; h where no unknown stands in it."""
-    step, power, rows, first, K = W.step, W.step.end_power, W.step.rows, 0, C.order
-    for i in range(P.m + P.ne):
-        if W.meeting.tau[i] < W.meeting.tau[first]:
-            first = i
+    step, power, rows, first, K = W.step, W.step.end_power, W.step.rows, _first_met(P, W), C.order
     if P.unknowns[first] < 0 or step.sliding == 0 or math.isnan(h):
         return h
     powers(power, h)
