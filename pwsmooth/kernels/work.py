@@ -104,6 +104,7 @@ class Meeting(Bundle):
     grazed: "f8[m + ne]"  # where in the step each surface is grazed, in [0, 1]; 2 = not grazed
     graze_crosses: "i8[m + ne]"  # and whether it counts as crossed
     widest: "f8[m + ne]"  # largest |h| of each surface so far
+    rounding: "f8[m + ne]"  # what roundings make on a step of each surface on which it begins and rests
     blurred: "f8[m]"  # |h| of discs next to which 0 is not told from
     rhythm: "f8[3*m + 3*ne + 1, 2]"  # see rhythm.py
 
@@ -331,6 +332,10 @@ class Work(Bundle):
     """All of them, and what the model's functions gave last."""
 
     dx: "f8[n]"
+    size: "f8[n]"  # the largest that each state has been at an instant
+    terms: "f8[n]"  # what the terms of each rate add up to, whatever cancels
+    shifted_x: "f8[n]"  # states and multipliers, moved by a small part of themselves
+    shifted_mult: "f8[m]"
     h: "f8[m + ne]"
     g: "f8[m]"
     G: "f8[entries]"  # entries of the sparse dg/dmult

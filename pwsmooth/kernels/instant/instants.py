@@ -638,6 +638,8 @@ def at_instant(P, C, S, R, W):
 
     Reads of W.instant: met, elapsed, fold, way and at_clock; sets jumped, together and solved_there.
     """
+    for i in range(P.n):
+        W.size[i] = max(W.size[i] if S.started != 0 else 0.0, abs(S.x[i]))
     if S.started == 0:
         return start(P, C, S, R, W)
     instant = W.instant

@@ -23,7 +23,7 @@ from ..state import (
 )
 from ..step.recording import record_ambiguity, record_event
 from ..step.steps import take_jet, take_slip_jet
-from ..surface.sliding import follow, keep_on_surface, mask_instant, mask_solved, side_at_zero, surface_rounding
+from ..surface.sliding import follow, keep_on_surface, mask_instant, mask_solved, side_at_zero, sum_terms, surface_rounding
 
 _HIGHEST = 7  # order with which a surface is left
 _ROUNDING = 1e-13  # of the states and what they change by
@@ -88,14 +88,14 @@ def residual(P, S, W, j, lam):
 @kernel
 def approach_speed(P, S, j, W):
     """dh_j/dt with the present field; leaves in W.instant.rest_speed the size at which it is rounding."""
-    evaluate_surfaces(P, S, W)
+    sum_terms(P, S, W)
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     speed = W.dh[P.dh_row[P.m + P.ne] + j]
-    size = abs(speed)
+    terms, per_time = abs(speed), 1.0 / pace(S)
     for e in range(P.dh_row[j], P.dh_row[j + 1]):
-        part = W.dh[e] * W.dx[P.dh_col[e]]
-        speed += part
-        size += abs(part)
-    W.instant.rest_speed = 1e-14 * size + 1e-13 / pace(S)
+        speed += W.dh[e] * W.dx[P.dh_col[e]]
+        terms += abs(W.dh[e]) * (W.terms[P.dh_col[e]] + per_time * W.size[P.dh_col[e]])
+    W.instant.rest_speed = _ROUNDING * terms
     return speed
 
 

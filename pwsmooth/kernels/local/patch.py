@@ -250,6 +250,7 @@ def gather(A, P, C, S, W, t):
             P.p[E.p_fixed[b] + E.p_blocks[b] * places + k] = A.p[i, b]
         for b in range(E.ns):
             S.x[b * places + k] = state_at(A, i, b, t, K)
+            W.size[b * places + k] = 0.0
         known = again or t - A.begun[i] <= _JUST_NOW * at_once_within(t, A.length[i])
         for b in range(E.nm):
             j = number_of(E, b, M, k)
@@ -278,13 +279,14 @@ def gather(A, P, C, S, W, t):
         for b in range(len(E.felt)):
             P.p[E.felt_fixed + (E.felt_blocks + b) * places + k] = A.mult[i, E.felt[b]]
         for b in range(E.ns):
-            S.x[b * places + k] = 0.0
+            S.x[b * places + k] = W.size[b * places + k] = 0.0
             W.step.rows[b * places + k, :] = 0.0
         for c in range(len(E.read)):
             b = E.read[c]
             row = W.step.rows[b * places + k]
             shifted(A, A.row[i, b], t - A.begun[i], K, row)
             S.x[b * places + k] = row[0]
+            W.size[b * places + k] = 0.0
             W.dx[b * places + k] = row[1]  # the generated rates are those of the members
     if some:
         _keep_on_surfaces(A, P, S, W)

@@ -10,7 +10,7 @@ from ..machine.compiling import inlined_kernel, kernel
 from ..machine.lanes import load8, store8
 from ..machine.pointers import at, call_act, call_linear
 from ..state import ALGEBRAIC, COMPONENT, CONTACT, DISC, HELD, KINK, PAIR, SLIDING, SOLVED, START
-from ..surface.sliding import surface_size, surface_tolerance
+from ..surface.sliding import sum_terms, surface_size, surface_tolerance
 from .collocation import DEFECT
 from .finer import SWITCHING
 from .rhythm import expected
@@ -20,6 +20,7 @@ from .steps import REACH, SURFACE_ROUNDING, dot, powers, scaled, surface_rows, v
 _LEAST = 1e-3  # of its tolerance: the rounding of a state that is a surface, where its arcs shrink
 _ROUNDING = 1e-13  # of what the terms of a series add up to
 _ROUNDING_OF_A_FIT = 1e-12  # of a lambda near 1 in the terms of the pair's fit: 2^-53 times some thousands
+_ROUNDING_OF_A_SERIES = 1e-14
 _TOUCHES = 4  # orders to which a surface or a bound may be touched where a step begins, but for exact zeros
 _BEFORE = 1e-6  # of a step
 _AT_ONSET = 1e-3  # of a step: as near to its beginning as a defect makes a zero
@@ -179,6 +180,32 @@ def is_clocked(C, j):
 
 
 @kernel
+def _note_rounding(P, S, W):
+    """Overwrites meeting.rounding: what roundings may make of each surface on which the step begins and rests.
+
+    They are those of what the surface is made of, and, while what is solved for holds the motion, of all that adds up to
+    the rates. A fit makes of the roundings of its nodes some thousands of them.
+    """
+    begins, holds, part = False, False, _ROUNDING_OF_A_FIT if P.pair != 0 else _ROUNDING_OF_A_SERIES
+    for i in range(P.m + P.ne):
+        W.meeting.rounding[i] = SURFACE_ROUNDING
+        begins = begins or (S.deflate[i] != 0 and (i >= P.m or S.status[i] != SOLVED))
+    for j in range(P.m if begins else 0):
+        holds = holds or (S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC)
+    if not holds:
+        return
+    sum_terms(P, S, W)
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    for i in range(P.m + P.ne):
+        if S.deflate[i] != 0:
+            size = surface_size(P, S, i, W)
+            for e in range(P.dh_row[i], P.dh_row[i + 1]):
+                size += W.step.length * abs(W.dh[e]) * W.terms[P.dh_col[e]]
+            if size < math.inf:
+                W.meeting.rounding[i] = max(SURFACE_ROUNDING, part * size)
+
+
+@kernel
 def rested_on(P, S, W, i):
     """Whether surface i has been met before the last step, and the motion has rested on it since."""
     row = surface_rows(P, W.step.kind)[i]
@@ -188,7 +215,7 @@ def rested_on(P, S, W, i):
     for k in range(1, _RESTING):
         power *= W.step.length
         moved += abs(W.step.rows[row, k]) * power
-    return moved <= SURFACE_ROUNDING
+    return moved <= W.meeting.rounding[i]
 
 
 @inlined_kernel
@@ -219,6 +246,7 @@ def find_first(P, C, S, W):
     roots = W.roots
     m, K, tau, status, kind, deflate = P.m, C.order, meeting.tau, S.status, P.kind, S.deflate
     best = NO_ROOT
+    _note_rounding(P, S, W)
     for j in range(m):
         met = NO_ROOT
         roots.dips = 0
@@ -237,7 +265,7 @@ def find_first(P, C, S, W):
             and not is_clocked(C, j)
         ):
             _note_size(P, C, W, j, rows[all_rows[j]], deflate[j])
-            rounding = SURFACE_ROUNDING
+            rounding = meeting.rounding[j]
             if step.nears == SWITCHING and P.surface_state[j] >= 0:
                 rounding = _LEAST * step.atol[P.surface_state[j]]
             if step.kind == START:
@@ -262,10 +290,11 @@ def find_first(P, C, S, W):
             roots.guess = expected(W, i, S.side[i - m], S.t, h)
             _note_size(P, C, W, i, rows[all_rows[i]], deflate[i])
             row, side = rows[all_rows[i]], float(S.side[i - m])
+            rounding = meeting.rounding[i]
             if step.kind == START:
-                tau[i] = _meet_at_onset(P, C, S, row, i, deflate[i], side, W, SURFACE_ROUNDING)
+                tau[i] = _meet_at_onset(P, C, S, row, i, deflate[i], side, W, rounding)
             else:
-                tau[i] = meet(P, row, power, K, deflate[i], side, W)
+                tau[i] = meet(P, row, power, K, deflate[i], side, W, rounding)
             best = min(best, tau[i])
             if roots.dips != 0 and _would_act(P, C, S, i - m, roots.dip_at, W):
                 meeting.grazed[i], meeting.graze_crosses[i] = roots.dip_at, roots.dip_crosses

@@ -19,6 +19,7 @@ from .sparse import entry, solve_dense, solve_masked
 # components say, where h/|h| is 0/0. Of a switch they differ from the affine form by a power of a surface that has
 # it, sqrt(|h|) of a rounding say.
 INSIDE = 1.0 - 2.0**-53
+_PART = 2.0**-26  # half of the digits
 
 
 @kernel
@@ -262,3 +263,23 @@ def surface_tolerance(P, C, W, j):
 def surface_rounding(P, S, j, W):
     """The size at which h_j is indistinguishable from 0, from W.dh."""
     return 1e-13 * surface_size(P, S, j, W)
+
+
+@kernel
+def sum_terms(P, S, W):
+    """Overwrites W.terms: what the terms of each rate add up to, which may cancel; W.dx, W.h, W.g are those of S.
+
+    It is by how much a rate changes where all that it is made of grows and shrinks by the same small part.
+    """
+    up, t = 1.0, S.t * (1.0 + _PART)
+    for i in range(P.n):
+        W.shifted_x[i] = S.x[i] * (1.0 + up * _PART)
+        up = -up
+    for j in range(P.m):
+        W.shifted_mult[j] = S.mult[j] * (1.0 + up * _PART) if S.status[j] == SOLVED else S.mult[j]
+        up = -up
+    call_fields(P.fields, t, W.shifted_x, W.shifted_mult, P.p, W.terms, W.h, W.g)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    for i in range(P.n):
+        terms = abs(W.terms[i] - W.dx[i]) / _PART
+        W.terms[i] = abs(W.dx[i]) + (terms if terms < math.inf else 0.0)
