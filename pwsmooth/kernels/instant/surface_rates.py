@@ -23,7 +23,15 @@ from ..state import (
 )
 from ..step.recording import record_ambiguity, record_event
 from ..step.steps import take_jet, take_slip_jet
-from ..surface.sliding import follow, keep_on_surface, mask_instant, mask_solved, side_at_zero, sum_terms, surface_rounding
+from ..surface.sliding import (
+    follow,
+    keep_on_surface,
+    mask_instant,
+    mask_solved,
+    side_at_zero,
+    sum_terms,
+    surface_rounding,
+)
 
 _HIGHEST = 7  # order with which a surface is left
 _ROUNDING = 1e-13  # of the states and what they change by
@@ -95,7 +103,7 @@ def approach_speed(P, S, j, W):
     for e in range(P.dh_row[j], P.dh_row[j + 1]):
         speed += W.dh[e] * W.dx[P.dh_col[e]]
         terms += abs(W.dh[e]) * (W.terms[P.dh_col[e]] + per_time * W.size[P.dh_col[e]])
-    W.instant.rest_speed = _ROUNDING * terms
+    W.instant.rest_speed = _ROUNDING * (terms + per_time)
     return speed
 
 

@@ -44,14 +44,20 @@ def _past_touches(row, power, poly, degree, drop, sign, rounding):
 
 
 @inlined_kernel
-def meet(P, row, power, degree, drop, sign, W, rounding=SURFACE_ROUNDING, unknown=0.0):
+def meet(P, row, power, degree, drop, sign, W, rounding=SURFACE_ROUNDING, unknown=0.0, held=0.0):
     """First zero of sign * row on the step, known zero orders dropped; leaving at rounding level is none. Of terms
-    below `unknown` nothing is known."""
+    below `unknown` nothing is known; what moves by no more than `held` rests where the step begins."""
     if drop == 2 and abs(at(row, 1)) > 1e-3 * abs(at(row, 2)) * at(power, 1):
         # Left with a slope, not tangentially: an algebraic unknown, or a field that has jumped again at this instant.
         drop = 1
     poly = W.roots.poly
     scaled(row, power, poly, degree, drop, sign)
+    if held > 0.0:
+        moved = 0.0
+        for k in range(degree - drop + 1):
+            moved += abs(poly[k])
+        if moved * at(power, drop) <= held:
+            return NO_ROOT
     if poly[0] <= rounding:
         size = 0.0
         for k in range(degree - drop + 1):
@@ -67,7 +73,7 @@ def meet(P, row, power, degree, drop, sign, W, rounding=SURFACE_ROUNDING, unknow
 
 
 @kernel
-def _meet_at_onset(P, C, S, row, j, drop, sign, W, rounding):
+def _meet_at_onset(P, C, S, row, j, drop, sign, W, rounding, held):
     """As `meet`, where a slip begins from rest with no acceleration: a zero that unknown terms would make behind a
     start on the surface is that of the start. They are twice the defect of a step by collocation, as large where it
     begins as where it is looked at."""
@@ -75,7 +81,7 @@ def _meet_at_onset(P, C, S, row, j, drop, sign, W, rounding):
     if W.onset.goes_on == 0 and (j >= P.m or P.kind[j] != CONTACT):
         call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
         unknown = 2.0 * DEFECT * (surface_tolerance(P, C, W, j) + C.rtol * variation(row, power, C.order))
-    met = meet(P, row, power, C.order, drop, sign, W, rounding, unknown)
+    met = meet(P, row, power, C.order, drop, sign, W, rounding, unknown, held)
     stands = unknown > 0.0 and drop == 0 and sign * at(row, 0) <= rounding
     return 0.0 if stands and met <= _AT_ONSET and abs(at(row, 1)) * at(power, 1) <= unknown else met
 
@@ -181,14 +187,14 @@ def is_clocked(C, j):
 
 @kernel
 def _note_rounding(P, S, W):
-    """Overwrites meeting.rounding: what roundings may make of each surface on which the step begins and rests.
+    """Overwrites meeting.rounding: what roundings may make of each surface on which the step begins, 0 of others.
 
-    They are those of what the surface is made of, and, while what is solved for holds the motion, of all that adds up to
+    While what is solved for holds the motion they are those of what the surface is made of and of all that adds up to
     the rates. A fit makes of the roundings of its nodes some thousands of them.
     """
     begins, holds, part = False, False, _ROUNDING_OF_A_FIT if P.pair != 0 else _ROUNDING_OF_A_SERIES
     for i in range(P.m + P.ne):
-        W.meeting.rounding[i] = SURFACE_ROUNDING
+        W.meeting.rounding[i] = 0.0
         begins = begins or (S.deflate[i] != 0 and (i >= P.m or S.status[i] != SOLVED))
     for j in range(P.m if begins else 0):
         holds = holds or (S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC)
@@ -202,7 +208,7 @@ def _note_rounding(P, S, W):
             for e in range(P.dh_row[i], P.dh_row[i + 1]):
                 size += W.step.length * abs(W.dh[e]) * W.terms[P.dh_col[e]]
             if size < math.inf:
-                W.meeting.rounding[i] = max(SURFACE_ROUNDING, part * size)
+                W.meeting.rounding[i] = part * size
 
 
 @kernel
@@ -215,7 +221,7 @@ def rested_on(P, S, W, i):
     for k in range(1, _RESTING):
         power *= W.step.length
         moved += abs(W.step.rows[row, k]) * power
-    return moved <= W.meeting.rounding[i]
+    return moved <= max(SURFACE_ROUNDING, W.meeting.rounding[i])
 
 
 @inlined_kernel
@@ -265,13 +271,15 @@ def find_first(P, C, S, W):
             and not is_clocked(C, j)
         ):
             _note_size(P, C, W, j, rows[all_rows[j]], deflate[j])
-            rounding = meeting.rounding[j]
+            rounding, held = SURFACE_ROUNDING, meeting.rounding[j]
             if step.nears == SWITCHING and P.surface_state[j] >= 0:
                 rounding = _LEAST * step.atol[P.surface_state[j]]
             if step.kind == START:
-                met = _meet_at_onset(P, C, S, rows[all_rows[j]], j, deflate[j], float(status[j]), W, rounding)
+                met = _meet_at_onset(
+                    P, C, S, rows[all_rows[j]], j, deflate[j], float(status[j]), W, rounding, held
+                )
             else:
-                met = meet(P, rows[all_rows[j]], power, K, deflate[j], float(status[j]), W, rounding)
+                met = meet(P, rows[all_rows[j]], power, K, deflate[j], float(status[j]), W, rounding, 0.0, held)
             if kind[j] == KINK and met <= 1.0:
                 away = abs(at(rows[all_rows[j]], 0))
                 meeting.widest[j] = max(meeting.widest[j], away)
@@ -290,11 +298,12 @@ def find_first(P, C, S, W):
             roots.guess = expected(W, i, S.side[i - m], S.t, h)
             _note_size(P, C, W, i, rows[all_rows[i]], deflate[i])
             row, side = rows[all_rows[i]], float(S.side[i - m])
-            rounding = meeting.rounding[i]
             if step.kind == START:
-                tau[i] = _meet_at_onset(P, C, S, row, i, deflate[i], side, W, rounding)
+                tau[i] = _meet_at_onset(
+                    P, C, S, row, i, deflate[i], side, W, SURFACE_ROUNDING, meeting.rounding[i]
+                )
             else:
-                tau[i] = meet(P, row, power, K, deflate[i], side, W, rounding)
+                tau[i] = meet(P, row, power, K, deflate[i], side, W, SURFACE_ROUNDING, 0.0, meeting.rounding[i])
             best = min(best, tau[i])
             if roots.dips != 0 and _would_act(P, C, S, i - m, roots.dip_at, W):
                 meeting.grazed[i], meeting.graze_crosses[i] = roots.dip_at, roots.dip_crosses

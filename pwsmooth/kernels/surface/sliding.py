@@ -267,18 +267,20 @@ def surface_rounding(P, S, j, W):
 
 @kernel
 def sum_terms(P, S, W):
-    """Overwrites W.terms: what the terms of each rate add up to, which may cancel; W.dx, W.h, W.g are those of S.
+    """Overwrites W.terms: what the terms of each rate add up to, whatever cancels; W.dx, W.h, W.g are those of S.
 
-    It is by how much a rate changes where all that it is made of grows and shrinks by the same small part.
+    It is by how much a rate changes where all that it is made of changes by the same small part of the largest that it
+    has been, up or down. Where a power has its branch point that part is of what a state is now.
     """
-    up, t = 1.0, S.t * (1.0 + _PART)
+    up = 1.0
     for i in range(P.n):
-        W.shifted_x[i] = S.x[i] * (1.0 + up * _PART)
+        size = W.size[i] if P.watches == 0 else abs(S.x[i])
+        W.shifted_x[i] = S.x[i] + up * _PART * size
         up = -up
     for j in range(P.m):
         W.shifted_mult[j] = S.mult[j] * (1.0 + up * _PART) if S.status[j] == SOLVED else S.mult[j]
         up = -up
-    call_fields(P.fields, t, W.shifted_x, W.shifted_mult, P.p, W.terms, W.h, W.g)
+    call_fields(P.fields, S.t * (1.0 + _PART), W.shifted_x, W.shifted_mult, P.p, W.terms, W.h, W.g)
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     for i in range(P.n):
         terms = abs(W.terms[i] - W.dx[i]) / _PART
