@@ -99,7 +99,7 @@ from .holding import (
 )
 from .other_motions import try_other_ratio
 from .plain import cross_stick_or_leave, only_one
-from .resting import come_to_rest, rests_on_kink, stay_at_rest
+from .resting import come_to_rest, hold_by_what_jumps, rests_on_kink, stay_at_rest
 from .settling import hand_over, layer_code, resettle, settle_arrivals, settle_at_rest, settle_together
 from .starting import start
 from .surface_rates import (
@@ -513,6 +513,7 @@ def _forget_what_was_met(P, S, W):
 def _follow_up(P, C, S, R, W):
     """Switches inside surfaces that have jumped, and sliding ones whose residual has; returns a code."""
     sides_after_crossing(P, S, R, W)
+    hold_by_what_jumps(P, S, R, W)
     for j in range(P.m):
         W.instant.status[j] = S.status[j]
     switches = AT_REST if W.instant.jumped != 0 else ALONE
@@ -681,6 +682,9 @@ def at_instant(P, C, S, R, W):
         instant.solved_there = 0
     stop, jumped = GO_ON, False
     struck = instant.at_clock != 0 and strike_switches(P, C, S, R, W)
+    if instant.released != 0:
+        instant.released = 0
+        sides_after_crossing(P, S, R, W)
     if P.ne == 0 and instant.at_clock != 0:
         while S.ticks < len(C.clock) and C.clock[S.ticks] <= S.t:
             S.ticks += 1
