@@ -399,7 +399,7 @@ def _settle_switches(P, C, S, R, W):
             return code, True
         switched = True
     if switched and _rest_anew(P, S, W, jumped):
-        settle_beside(P, C, S, R, W)
+        instant.unsettled = int(not settle_beside(P, C, S, R, W))
     return GO_ON, switched
 
 
@@ -682,9 +682,8 @@ def at_instant(P, C, S, R, W):
         instant.solved_there = 0
     stop, jumped = GO_ON, False
     struck = instant.at_clock != 0 and strike_switches(P, C, S, R, W)
-    if instant.released != 0:
-        instant.released = 0
-        sides_after_crossing(P, S, R, W)
+    changed = struck or instant.released != 0
+    instant.released = 0
     if P.ne == 0 and instant.at_clock != 0:
         while S.ticks < len(C.clock) and C.clock[S.ticks] <= S.t:
             S.ticks += 1
@@ -695,7 +694,7 @@ def at_instant(P, C, S, R, W):
             record_point(P, S, R)
         if stop != GO_ON and stop != Outcome.TERMINATED:
             return stop
-    code = _settle(P, C, S, R, W, fold, only, struck)
+    code = _settle(P, C, S, R, W, fold, only, changed)
     for _ in range(MOST_AT_ONCE):
         # What impacts and switches have done to the surfaces of events is looked at when they have come to an end.
         carries = only < 0 and (jumped or may_be_carried(P)) and (code == GO_ON and stop == GO_ON)
@@ -727,8 +726,8 @@ def at_instant(P, C, S, R, W):
 
 
 @kernel
-def _settle(P, C, S, R, W, fold, only, struck):
-    """Contacts and switches in turns until neither changes; a code.
+def _settle(P, C, S, R, W, fold, only, changed):
+    """Contacts and switches in turns until neither changes; a code. `changed`: whether something has, before.
 
     What leaves a fold comes first: there is no root there by which contacts could be looked at.
     """
@@ -737,7 +736,7 @@ def _settle(P, C, S, R, W, fold, only, struck):
         code = _leave_folds(P, S, R, W, fold)
         if code != GO_ON:
             return code
-        struck = True
+        changed = True
     for turn in range(MOST_AT_ONCE + 1):
         if turn == MOST_AT_ONCE:
             return Outcome.CHATTERING
@@ -762,8 +761,11 @@ def _settle(P, C, S, R, W, fold, only, struck):
         code = pass_accumulation(P, C, S, R, W) if turn == 0 else NOTHING
         if code != GO_ON and code != NOTHING:
             return code
-        if switched or struck or code == GO_ON or contacts != UNCHANGED:
+        if switched or changed or code == GO_ON or contacts != UNCHANGED:
             code = _follow_up(P, C, S, R, W)
+            if code == GO_ON and instant.unsettled != 0 and settle_beside(P, C, S, R, W):
+                code = _follow_up(P, C, S, R, W)
+            instant.unsettled = 0
             if code != GO_ON:
                 return code
         if len(P.contact) == 0 or instant.look_again == 0:

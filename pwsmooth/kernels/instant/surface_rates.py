@@ -247,7 +247,15 @@ def stays_at_zero(P, S, R, j):
 
 @kernel
 def settle_beside(P, C, S, R, W):
-    """Switches that come to rest on their surfaces with what has come to rest are what conditions say of 0."""
+    """Switches that come to rest on their surfaces with what has come to rest are what conditions say of 0; False,
+    with nothing changed, where what is solved for has no root: it is let go first."""
+    for j in range(P.m):
+        W.arc.mult_before[j] = S.mult[j]
+    mask_solved(P, S, W)
+    if not follow(P, S, W):
+        for j in range(P.m):
+            S.mult[j] = W.arc.mult_before[j]
+        return False
     evaluate_surfaces(P, S, W)
     for k in range(P.m):
         if P.kind[k] != CROSSING or abs(S.status[k]) != 1 or abs(W.h[k]) > surface_rounding(P, S, k, W):
@@ -256,6 +264,7 @@ def settle_beside(P, C, S, R, W):
         if rests and order_of_leaving(P, C, S, W, k) == 0 and rests_at_zero(P, S, R, k):
             W.instant.hit[k] = False
         evaluate_surfaces(P, S, W)
+    return True
 
 
 @kernel

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, System, Unilateral, solve
+from pwsmooth import Event, Switch, System, Unilateral, solve
 
 t, y, z, e, h = sp.symbols("t y z e h", real=True)
 
@@ -152,3 +152,16 @@ def test_stairs_that_hold_the_motion_where_it_starts_fire_no_event(method):
     for at in (0.5, 1, -1.5, -3):
         run = solve(held, (0, 2), {y: 0, z: 0}, parameters={k: at}, method=method)
         assert run["z"][-1] == 0 and run["y"][-1] == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("method", ["auto", "rk"])
+def test_what_leaves_zero_and_steps_a_force_lets_static_friction_go(way, method):
+    # sign y steps from 0 to 1 at t = 1, and the force from 3/4 to 5/4; the break-away force is 1.089.
+    lam = Switch("lam", z)
+    system = System(
+        {z: way * (h + sp.sign(y) / 2) - lam * (1 + (1 - lam**2)), y: sp.Max(t - 1, 0)}, time=t, parameters={h: 1}
+    )
+    for force, speed in ((0.5, 0.0), (0.75, 0.25), (0.9, 0.4)):
+        run = solve(system, (0, 2), {z: 0, y: 0}, parameters={h: force}, method=method)
+        assert run.success and run["z"][-1] == pytest.approx(way * speed, abs=1e-9)

@@ -7,6 +7,7 @@ surfaces, unknowns. Models and their right answers are closed forms, given besid
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.optimize import brentq
 
 from pwsmooth import Algebraic, Disc, Event, Memory, Switch, System, Unilateral, solve
 
@@ -317,6 +318,22 @@ def test_a_tooth_that_steps_as_an_event_strikes_lets_static_friction_go():
         run = solve(system, (0.75, 1.5), {v: 0}, parameters={q: force})
         assert run.success, run.message
         assert run["v"][-1] == pytest.approx((force + 0.544) / 2 + 1 / 16, abs=1e-9)
+
+
+@METHODS
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("step", [sp.Heaviside(a - w), sp.Piecewise((1, a > w), (0, True)), (1 + sp.sign(a - w)) / 2])
+def test_a_force_that_steps_with_a_condition_on_an_unknown_lets_static_friction_go(step, way, method):
+    # The break-away force is 1.089, and the force q = 3/4 until the step to 5/4: then v' = 1/4. Half of it would hold.
+    lam = Switch("lam", v)
+    friction = lam * (1 + (1 - lam**2))
+    unknown = Algebraic(a, a + a**3 / 4 - x)
+    system = System({v: way * (q + step / 2) - friction, x: 1, w: -0.1}, parameters={q: 0.75}, algebraic=[unknown])
+    meeting = brentq(lambda at: (1 - at / 10) + (1 - at / 10) ** 3 / 4 - at, 0, 2, xtol=1e-15)
+    for force in (0.7, 0.75, 0.9):
+        run = solve(system, (0, 3), {v: 0, x: 0, w: 1}, parameters={q: force}, method=method)
+        assert run.success and not len(run.ambiguities)
+        assert run["v"][-1] == pytest.approx(way * (force - 0.5) * (3 - meeting), abs=1e-9)
 
 
 @pytest.mark.parametrize("level", [2.0, 0.25])
