@@ -110,6 +110,7 @@ from .surface_rates import (
     note_rests_along,
     order_at_rest,
     order_of_leaving,
+    residual,
     rests_along,
     rests_at_zero,
     settle_beside,
@@ -120,6 +121,7 @@ from .surface_rates import (
 # tolerance say so, and it slides to second order from then on. Switchings that accumulate at an instant come to it
 # with fewer.
 _MOST_MINUTE = 10_000
+_BEGINS = 1e-9  # of the speed on the far side: no speed
 
 
 @kernel
@@ -200,6 +202,12 @@ def _arrivals(P, C, S, R, W, size, jumped, turned):
             j = instant.active[a]
             if turned and S.status[j] * approach_speed(P, S, j, W) > instant.rest_speed:
                 continue
+            if P.discs != 0:
+                order = _begins_to_leave(P, C, S, W, j)
+                if order != 0:
+                    S.status[j] = 1 if order > 0 else -1
+                    S.mult[j], S.deflate[j] = float(S.status[j]), -abs(order)
+                    continue
             instant.group[0] = j
             instant.arrival[0] = S.status[j]
             one = settle_arrivals(P, S, R, W, 1)
@@ -222,7 +230,7 @@ def _arrivals(P, C, S, R, W, size, jumped, turned):
         j = instant.active[a]
         came = SOLVED if instant.came[j] == HELD else instant.came[j]
         went = SOLVED if S.status[j] == HELD else S.status[j]
-        S.deflate[j] = 1
+        S.deflate[j] = -S.deflate[j] if S.deflate[j] < 0 else 1
         if went == SOLVED and came != SOLVED:
             record_event(S, R, j, EV_STICK, came, 0)
             keep_on_surface(P, S, j, W)
@@ -241,6 +249,21 @@ def _arrivals(P, C, S, R, W, size, jumped, turned):
         if P.kind[j] == DISC and instant.kept[1, j] == SOLVED and S.status[j] == 1:
             record_event(S, R, j, EV_RESET, 0, 1)
     return GO_ON
+
+
+@kernel
+def _begins_to_leave(P, C, S, W, j):
+    """As order_of_leaving, of surface j where a motion only begins, as the slip of a disc from rest; 0 where it has a
+    speed, or is led back from the other side."""
+    if P.hidden[j] != 0 or abs(S.status[j]) != 1:
+        return 0
+    near, far = residual(P, S, W, j, float(S.status[j])), residual(P, S, W, j, float(-S.status[j]))
+    if abs(near) > _BEGINS * abs(far):
+        return 0
+    order = order_of_leaving(P, C, S, W, j)
+    if order * S.status[j] > 0:
+        return order
+    return (1 if far > 0.0 else -1) if order * far > 0.0 else 0
 
 
 @kernel
@@ -349,10 +372,10 @@ def _settle_switches(P, C, S, R, W):
                     step_inside(P, S, j, W)
                 order, stays = order_at_rest(P, C, S, W, j)
                 went = status[j] if order == 0 else 1 if order > 0 else -1
-                if stays and rests_at_zero(P, S, R, j):
+                if stays and rests_at_zero(P, S, R, W, j):
                     continue
             elif P.nested[j] != 0 and P.at_zero[j] != ANY and _is_flat(P, C, S, W, j):
-                if rests_at_zero(P, S, R, j):
+                if rests_at_zero(P, S, R, W, j):
                     continue
             if went != status[j]:
                 record_event(S, R, j, EV_CROSSING, status[j], went)

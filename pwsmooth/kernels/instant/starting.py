@@ -63,7 +63,7 @@ def _take_side(P, C, S, R, W, j, may_stay):
     returns whether that is new."""
     side = S.status[j]
     order, stays = order_at_rest(P, C, S, W, j)
-    if stays and (not may_stay or stays_at_zero(P, S, R, j)):
+    if stays and (not may_stay or stays_at_zero(P, S, R, W, j)):
         return S.status[j] != side
     if order != 0:
         S.status[j] = 1 if order > 0 else -1
