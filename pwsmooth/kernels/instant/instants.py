@@ -371,7 +371,7 @@ def _settle_switches(P, C, S, R, W):
                 if P.step_unit != 0:
                     step_inside(P, S, j, W)
                 order, stays = order_at_rest(P, C, S, W, j)
-                went = status[j] if order == 0 else 1 if order > 0 else -1
+                went = status[j] if order == 0 or stays else 1 if order > 0 else -1
                 if stays and rests_at_zero(P, S, R, W, j):
                     continue
             elif P.nested[j] != 0 and P.at_zero[j] != ANY and _is_flat(P, C, S, W, j):

@@ -130,10 +130,25 @@ def set_sides(s, t, x, f, h):
                 s.side[j] = _sign(rise)
         k = s.remembers[j]
         # A surface that hugs zero within rounding would leave a memory that was only ever turned round on either side.
-        if k >= 0 and s.side[j] != 0.0 and x[k] != s.side[j]:
-            x[k] = s.side[j]
+        side = s.side[j]
+        if k >= 0 and side == 0.0:
+            side = _side_at_rest(s, j, t, x)
+        if k >= 0 and side != 0.0 and x[k] != side:
+            x[k] = side
             changed = True
     return changed
+
+
+@kernel
+def _side_at_rest(s, j, t, x):
+    """The memory of switch j where its surface stays at 0: what conditions say of that, else the side that it has."""
+    k, i = s.remembers[j], s.at_rest[j]
+    if i < 0:
+        return x[k]
+    for q in range(s.n):
+        s.before[q] = s.after[q] = x[q]
+    _act(s, i, t)
+    return s.after[k]
 
 
 @kernel
@@ -225,6 +240,15 @@ def _narrow(s, coefficients, degree, t, h, j, side, lo, hi):
 
 
 @kernel
+def _rests(s, j):
+    """Whether surface j stays within rounding of 0 on the part just sampled."""
+    for k in range(8):
+        if abs(s.values[8 * j + k]) > s.rounding[j]:
+            return False
+    return True
+
+
+@kernel
 def next_zero(s, coefficients, degree, t, h, begin):
     """First theta in (begin, 1] at which a watched surface passes zero in a direction that counts; else NONE.
 
@@ -243,6 +267,9 @@ def next_zero(s, coefficients, degree, t, h, begin):
                 s.side[j] = s.passed_side[j] = _sign(s.values[8 * j + 7])
             continue
         side, a, here = s.side[j], begin, False
+        if remembers >= 0 and _rests(s, j):
+            s.passed_side[j] = side
+            continue
         if s.carried[j] == SILENT:
             s.found[j], s.passed_side[j] = _comes_to_zero(s, coefficients, degree, t, h, j, side, a), side
             first = min(first, s.found[j])
@@ -299,7 +326,28 @@ def _due(s, t, theta, h, instant):
 
 @kernel
 def _look_again(s, t, x):
+    """As _look, behind an update: switches that it has moved off their surfaces have the side where they are, and so do
+    the surfaces in which they stand."""
     _look(s, t, x, s.before)
+    for _ in range(s.e):
+        changed = False
+        for j in range(s.e):
+            k = s.remembers[j]
+            moved = k >= 0 and s.carried[j] != TIMED and s.level[j] != s.was[j]
+            # What is left of the room is for events.
+            if moved and abs(s.level[j]) > s.rounding[j] and x[k] * s.level[j] < 0.0 and has_room(s):
+                _record(s, j, t)
+                x[k] = s.side[j] = -x[k]
+                changed = True
+        if not changed:
+            break
+        _look(s, t, x, s.before)
+
+
+@kernel
+def has_room(s):
+    """Whether the records have room for all that may happen at one instant."""
+    return s.records + 2 * s.e + MOST_AT_ONCE < s.room
 
 
 @kernel
@@ -368,6 +416,10 @@ def _fire(s, t, x):
     for record in range(first, s.records):
         for i in range(n):
             s.event_x[2 * n * record + n + i] = x[i]
+    for j in range(s.e):
+        # Also what an update has put on its surface goes on from there.
+        if s.jumped != 0 and s.at_rest[j] >= 0 and abs(s.level[j]) <= s.rounding[j]:
+            s.met[j] = 1
     return code
 
 
@@ -453,7 +505,7 @@ def events_unit(s, t, degree, offset):
         s.was[j] = s.side[j]
     h, theta, coefficients = s.taken, 0.0, at(s.coefficients, offset)
     instant = s.ticks < s.instants and s.t >= s.instant_t[s.ticks]
-    while s.records + 2 * s.e + MOST_AT_ONCE < s.room:
+    while has_room(s):
         begin = theta
         theta = next_zero(s, coefficients, degree, t, h, begin)
         if begin == 0.0 and theta < 1.0 and s.mode == S.RADAU:

@@ -69,6 +69,10 @@ def test_conditions_that_disagree_at_zero_are_recorded():
     for system, start in ((both, {z: 0, e: 0, y: 1}), (signs, {z: 0, y: 1})):
         run = solve(system, (0, 5), start)
         assert ambiguous(run) or run["z"][-1] == pytest.approx(1, abs=1e-9)
+    # The side from which it came remains.
+    for method in ("auto", "rk", "stiff"):
+        below = solve(both, (0, 5), {z: 0, e: 0, y: -1}, method=method)
+        assert np.all(below.x[:2, -1] == 0) and (ambiguous(below) or method == "stiff")
 
 
 def test_the_sign_of_what_stays_at_zero_is_zero_where_something_slides():
