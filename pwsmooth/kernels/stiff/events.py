@@ -31,6 +31,7 @@ DIP = 10.0  # of the tolerance: a dip that deep, relative to its size on the ste
 DIGITS = 1e-13  # of the states: what they cannot say
 NEARBY = 1e-3  # of a step, over which the speed of a surface is taken
 TICK = 1e-15  # of the time: its rounding
+STANDS = 2  # in `met`: put on the surface by an update, or resting there
 MET = 4  # in `postponed`, beside DUE: met, until switches of time alone have crossed
 ROUGH = 1e-3  # of a surface's size on the step: what the polynomial may miss at a zero
 ROUNDED = 3.0  # times what the last digits of the states make of a surface: a smaller one tells nothing
@@ -123,12 +124,15 @@ def set_sides(s, t, x, f, h):
     for j in range(s.e):
         if s.met[j] == 0:
             continue
+        k, came = s.remembers[j], s.side[j]
         s.side[j] = 0.0
         for q in range(7, 0, -1):
             rise = s.values[8 * j + q] - s.values[8 * j]
             if abs(rise) > 0.01 * s.rounding[j]:
                 s.side[j] = _sign(rise)
-        k = s.remembers[j]
+        if s.met[j] == STANDS and s.side[j] != 0.0:
+            s.side[j] = came  # it is crossed where the motion goes on
+            continue
         # A surface that hugs zero within rounding would leave a memory that was only ever turned round on either side.
         side = s.side[j]
         if k >= 0 and side == 0.0:
@@ -330,17 +334,17 @@ def _look_again(s, t, x):
     the surfaces in which they stand."""
     _look(s, t, x, s.before)
     for _ in range(s.e):
-        changed = False
+        found = -1
         for j in range(s.e):
             k = s.remembers[j]
-            moved = k >= 0 and s.carried[j] != TIMED and s.level[j] != s.was[j]
-            # What is left of the room is for events.
-            if moved and abs(s.level[j]) > s.rounding[j] and x[k] * s.level[j] < 0.0 and has_room(s):
-                _record(s, j, t)
-                x[k] = s.side[j] = -x[k]
-                changed = True
-        if not changed:
-            break
+            moved = found < 0 and k >= 0 and s.carried[j] != TIMED and s.level[j] != s.was[j]
+            if moved and abs(s.level[j]) > s.rounding[j] and x[k] * s.level[j] < 0.0:
+                found = j  # those that stand in others come first
+        if found < 0 or not has_room(s):
+            break  # what is left of the room is for events
+        k = s.remembers[found]
+        _record(s, found, t)
+        x[k] = s.side[found] = -x[k]
         _look(s, t, x, s.before)
 
 
@@ -417,9 +421,8 @@ def _fire(s, t, x):
         for i in range(n):
             s.event_x[2 * n * record + n + i] = x[i]
     for j in range(s.e):
-        # Also what an update has put on its surface goes on from there.
-        if s.jumped != 0 and s.at_rest[j] >= 0 and abs(s.level[j]) <= s.rounding[j]:
-            s.met[j] = 1
+        if s.jumped != 0 and s.met[j] == 0 and s.at_rest[j] >= 0 and abs(s.level[j]) <= s.rounding[j]:
+            s.met[j] = STANDS
     return code
 
 

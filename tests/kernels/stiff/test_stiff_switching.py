@@ -273,3 +273,23 @@ def test_an_event_whose_surface_holds_a_switch_that_it_turns_itself_fires_once()
     assert stiff.success and len(stiff.event_times(switch="bell")) == 2
     np.testing.assert_allclose(stiff.event_times(), explicit.event_times(), atol=1e-8)
     np.testing.assert_allclose(stiff.x[:, -1], explicit.x[:, -1], atol=1e-8)
+
+
+@pytest.mark.parametrize("start", [-0.6, -0.5, -0.3])
+def test_switches_that_an_update_moves_take_their_sides_from_the_inner_ones_on(start):
+    inner = sp.sign(2 * x - 0.2)
+    system = System({x: -x / 2, z: sp.sign(x - inner / 4)}, events=[Event(at=1, update={x: x + 0.5})], time=t)
+    stiff, explicit = both(system, (0, 2), {x: start, z: 0})
+    assert stiff.success and len(stiff.events) == len(explicit.events)
+    np.testing.assert_allclose(stiff.x[:, -1], explicit.x[:, -1], atol=1e-8)
+
+
+@pytest.mark.parametrize("slope", [-1, 1])
+def test_teeth_that_step_as_an_event_strikes_turn_the_conditions_on_them(slope):
+    # v passes 1/2 as the event strikes there: the tooth steps, and carries the condition on it through.
+    tooth = sp.Mod(v - sp.Rational(1, 2), sp.Rational(3, 4))
+    bell = Event(v - sp.Rational(1, 2), update={z: -z})
+    system = System({x: when(tooth > 0.3) + sp.frac(v + tooth / 3), v: slope, z: 0}, events=[bell])
+    stiff, explicit = both(system, (0, 1), {x: 0, v: 0.5 - slope * 0.47, z: 1})
+    assert stiff.success
+    np.testing.assert_allclose(stiff.x[:, -1], explicit.x[:, -1], atol=1e-8)
