@@ -16,5 +16,5 @@ def restart_flags(W):
     roots.dips = roots.dip_crosses = W.arc.touched = W.layer.masked = W.pair.solves = 0
     step.kind = step.arrives = step.nears = 0
     instant.fold = instant.way = instant.at_clock = instant.jumped = instant.together = 0
-    instant.solved_there = instant.look_again = instant.parting = 0
+    instant.solved_there = instant.look_again = instant.parting = instant.released = instant.unsettled = 0
     instant.rests = step.refused = -1

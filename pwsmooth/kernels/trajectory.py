@@ -146,6 +146,7 @@ def find_multipliers(P, C, S, R, W):
     if W.step.held:
         code = release_held(P, C, S, R, W)
         if code == GO_ON:
+            W.instant.released = 1
             code = _settle_again(P, C, S, R, W)
         if code >= GO_ON and P.discs != 0:
             code = release_discs(P, S, R, W)

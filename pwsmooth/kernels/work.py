@@ -306,6 +306,8 @@ class Instant(Bundle):
     solved_there: "int"  # whether the solved multipliers are those of the state left behind
     look_again: "int"  # whether a contact may be moved by what happens after it
     rests: "int"  # switch on whose surface the motion may come to rest now, or -1
+    released: "int"  # whether switches that were held have just been let go
+    unsettled: "int"  # whether those that may come to rest are looked at once what holds the motion is known
     rest_speed: "float"  # size at which an approach speed is rounding
     parting: (
         "int"  # how many derivatives of surfaces vanish from which switches part that are HELD; 0 if none does

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from ..codegen.fields import above_at_zero
 from ..codegen.graph.dag import UNARY
 from ..codegen.taylor.recurrences import FLAT
 from ..definition.families.template import family_model, named
@@ -53,7 +54,8 @@ def strip(mu: Any, model: Model, sums: tuple[sp.Expr, ...] = ()) -> sp.Expr | No
 
 @functools.lru_cache(maxsize=64)
 def switched_by_events(model: Model) -> Model:
-    """The model with its switches as memories, behind the others, and an event for each behind its own.
+    """The model with its switches as memories, behind the others, and an event for each behind its own; behind these
+    one for each of which conditions say what it is where its surface stays at 0.
 
     Raises
     ------
@@ -67,6 +69,7 @@ def switched_by_events(model: Model) -> Model:
     switched = _switched(template.model, tuple(e for *_, e in template.sums), of_elements=True)
     sums = tuple((s, family, _selecting(e)) for s, family, e in template.sums)
     of_switches = template.families("multipliers")
+    at_rest = (f for f, mu in zip(of_switches, template.model.multipliers) if _said_at_zero(mu) is not None)
     family_of = {mu.surface: family for mu, family in zip(template.model.multipliers, of_switches)}
     for h, width in switched.smoothing:
         # A surface of all has one width, the least of all elements.
@@ -76,7 +79,7 @@ def switched_by_events(model: Model) -> Model:
     kept = zip(template.model.events, template.event_families)
     changed = replace(
         template, model=switched, sums=sums, output_families=(), levels=(),
-        event_families=(*(f for e, f in kept if _watched(e)), *of_switches),
+        event_families=(*(f for e, f in kept if _watched(e)), *of_switches, *at_rest),
         layer_families=tuple(family_of[h] for h, _ in switched.smoothing),
     )  # fmt: skip
     return family_model(replace(families, template=changed))
@@ -90,6 +93,13 @@ def _watched(event: EventSpec) -> bool:
 def _selecting(e: Any) -> Any:
     """An expression in which a memory selects, in the place of a switch."""
     return e.replace(Select, lambda lam, a, b: sp.Piecewise((a, lam > 0), (b, True), evaluate=False))
+
+
+def _said_at_zero(mu: Any) -> sp.Expr | None:
+    """The side of a switch whose surface stays at 0, as conditions say; None where they say none."""
+    if isinstance(mu.at_zero, sp.Expr):
+        return sp.Piecewise((1, above_at_zero(mu)), (-1, True))
+    return sp.Integer(mu.at_zero) if mu.at_zero in (1, -1) else None
 
 
 def _when(mu: Any, periodic: Periodic | None) -> dict[str, Any]:
@@ -117,6 +127,11 @@ def _switched(model: Model, sums: tuple[sp.Expr, ...] = (), of_elements: bool = 
         )
         for j, mu in enumerate(model.multipliers)
     )
+    at_rest = tuple(
+        EventSpec(f"{mu.symbol} at rest", update=((first + j, _selecting(side)),))
+        for j, mu in enumerate(model.multipliers)
+        if (side := _said_at_zero(mu)) is not None
+    )
     widths = [strip(mu, model, sums) for mu in model.multipliers]
 
     def selected(event: EventSpec) -> EventSpec:
@@ -132,7 +147,7 @@ def _switched(model: Model, sums: tuple[sp.Expr, ...] = (), of_elements: bool = 
         states=(*model.states, *(mu.symbol for mu in model.multipliers)),
         rhs=(*map(_selecting, model.rhs), *(sp.Integer(0) for _ in events)),
         multipliers=(),
-        events=tuple(map(selected, (*model.events, *events))),
+        events=(*map(selected, (*model.events, *events)), *at_rest),
         smoothing=tuple(
             (mu.surface, width) for mu, width in zip(model.multipliers, widths) if width is not None
         ),
@@ -177,16 +192,21 @@ def run(call: Call) -> Solution:
     if not moved.size:
         return begun  # it stopped where it began, and says why
 
+    at_rest = [j for j, mu in enumerate(model.multipliers) if _said_at_zero(mu) is not None]
+    switches = len(view.events) - len(at_rest) - m  # the first of their events
+
     def words(i: int, before: np.ndarray) -> Words:
-        if i < len(view.events) - m:
+        if i < switches:
             return words_of(view, i)
-        came = int(before[n + i - len(view.events) + m])
+        came = int(before[n + i - switches])
         return view.events[i].name, "crossing", f"{came:+d} to {-came:+d}"
 
-    remembers = [*(-1 for _ in view.events[m:]), *range(n, n + m)]
+    remembers, rests = np.full((2, len(view.events)), -1)
+    remembers[switches : switches + m] = range(n, n + m)
+    rests[[switches + j for j in at_rest]] = range(switches + m, len(view.events))
     steps = dict(
         rtol=rtol, atol=np.append(atol, np.ones(m)), max_step=options.max_step, t_eval=times, method="auto",
-        dense=dense, kicks=None, remembers=remembers,
+        dense=dense, kicks=None, remembers=remembers, at_rest=rests,
     )  # fmt: skip
     both = np.append(start, begun.mult[:, moved[0]])
     *pieces, ambiguities, columns = own(view, call.span, both, p, steps, call.budget(), words)

@@ -79,7 +79,7 @@ def internal_tolerances(rtol: float, method: str, exact: bool) -> tuple[int, int
 
 def integrate(
     model: Model, t_span, x0, p, *, rtol=1e-9, atol=1e-12, first_step=None, max_step=np.inf,
-    spending=None, method="auto", dense=False, t_eval=None, kicks=None, remembers=None,
+    spending=None, method="auto", dense=False, t_eval=None, kicks=None, remembers=None, at_rest=None,
 ) -> StiffResult:  # fmt: skip
     """Integrate a smoothed model over `t_span`.
 
@@ -110,6 +110,8 @@ def integrate(
         Random kicks at one of the model's time events (noise.py).
     remembers : sequence of int, one of each event, optional
         Index of the memory that keeps the side of the event's surface (stiff_events.py), or -1.
+    at_rest : sequence of int, one of each event, optional
+        Index of the event whose update says what that memory is where the surface stays at 0, or -1.
 
     Returns
     -------
@@ -180,6 +182,7 @@ def integrate(
         run.direction[:] = [event.direction for event in kinds]
         run.stops[:] = [event.terminal or bool(event.singular) for event in kinds]
         run.remembers[:] = -1 if remembers is None else remembers
+        run.at_rest[:] = -1 if at_rest is None else at_rest
         run.carried[:] = [
             TIMED if event.surface is None else ALWAYS if own >= 0 else SILENT if event.singular else PLAIN
             for event, own in zip(kinds, run.remembers)

@@ -240,7 +240,7 @@ def pass_accumulation(P, C, S, R, W):
             closed = close_contact(P, S, j, W)
             record_event(S, R, j, EV_CLOSED if closed else EV_OPENING, 1, S.status[j])
         elif P.kind[j] == CROSSING or P.kind[j] == KINK:
-            if len(P.contact) == 0 or not stays_at_zero(P, S, R, j):
+            if len(P.contact) == 0 or not stays_at_zero(P, S, R, W, j):
                 S.status[j] = HELD
                 S.mult[j] = 0.0
             held += 1

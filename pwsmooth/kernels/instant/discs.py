@@ -523,8 +523,20 @@ def _shares_anew(P, S, W, j):
 
 
 @kernel
+def _others_have_changed(P, S, W):
+    """Whether contacts may have, or a switch has taken another side at this instant."""
+    some = len(P.contact) > 0
+    for k in range(P.m):
+        some = some or (P.kind[k] < DISC and S.status[k] != W.instant.came[k])
+    return some
+
+
+@kernel
 def _is_pushed_back(P, S, W, j):
-    """Whether the slip that disc j begins is pushed back, as by what a contact does that has opened since."""
+    """Whether the slip that disc j begins is pushed back, as by a contact that has opened since, or a switch that has
+    crossed; one that only passes a touch goes on."""
+    if not _others_have_changed(P, S, W):
+        return False
     along = _SAME * slopes_of_disc(P, S, W, j)
     push_of_disc(P, S, W, j)
     for k in range(j + 1, j + 1 + P.dim[j]):
@@ -537,7 +549,7 @@ def resettle_discs(P, C, S, R, W, switches):
     """Sticking discs whose force has jumped, together with those at rest beside them, and with the `switches` that come
     to their surfaces: a code."""
     for j in range(P.m):
-        if P.kind[j] == DISC and len(P.contact) > 0 and begins(P, S, j) and _is_pushed_back(P, S, W, j):
+        if begins(P, S, j) and _is_pushed_back(P, S, W, j):
             code = settle_disc(P, S, R, W, j, False)
             return _settle_with_others(P, C, S, R, W, switches) if code == GO_ON else code
         if P.kind[j] != DISC or S.status[j] != SOLVED:

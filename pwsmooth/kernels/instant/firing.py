@@ -355,7 +355,7 @@ def sides_after_crossing(P, S, R, W):
             if P.nested[j] == 0 or W.instant.hit[j] or P.kind[j] >= CONTACT:
                 continue
             within = surface_rounding(P, S, j, W) + _late_by(P, S, W) * abs(surface_speed(P, W, j))
-            if abs(W.h[j]) <= within:
+            if not abs(W.h[j]) > within:  # nan where a root has its branch point
                 if S.deflate[j] == 0 and S.status[j] * approach_speed(P, S, j, W) > W.instant.rest_speed:
                     S.deflate[j] = 1  # it has jumped onto its surface, and is left on the side that it has
                 continue

@@ -99,7 +99,7 @@ from .holding import (
 )
 from .other_motions import try_other_ratio
 from .plain import cross_stick_or_leave, only_one
-from .resting import come_to_rest, rests_on_kink, stay_at_rest
+from .resting import come_to_rest, hold_by_what_jumps, rests_on_kink, stay_at_rest
 from .settling import hand_over, layer_code, resettle, settle_arrivals, settle_at_rest, settle_together
 from .starting import start
 from .surface_rates import (
@@ -110,6 +110,7 @@ from .surface_rates import (
     note_rests_along,
     order_at_rest,
     order_of_leaving,
+    residual,
     rests_along,
     rests_at_zero,
     settle_beside,
@@ -120,6 +121,7 @@ from .surface_rates import (
 # tolerance say so, and it slides to second order from then on. Switchings that accumulate at an instant come to it
 # with fewer.
 _MOST_MINUTE = 10_000
+_BEGINS = 1e-9  # of the speed on the far side: no speed
 
 
 @kernel
@@ -200,6 +202,12 @@ def _arrivals(P, C, S, R, W, size, jumped, turned):
             j = instant.active[a]
             if turned and S.status[j] * approach_speed(P, S, j, W) > instant.rest_speed:
                 continue
+            if P.discs != 0:
+                order = _begins_to_leave(P, C, S, W, j)
+                if order != 0:
+                    S.status[j] = 1 if order > 0 else -1
+                    S.mult[j], S.deflate[j] = float(S.status[j]), -abs(order)
+                    continue
             instant.group[0] = j
             instant.arrival[0] = S.status[j]
             one = settle_arrivals(P, S, R, W, 1)
@@ -222,7 +230,7 @@ def _arrivals(P, C, S, R, W, size, jumped, turned):
         j = instant.active[a]
         came = SOLVED if instant.came[j] == HELD else instant.came[j]
         went = SOLVED if S.status[j] == HELD else S.status[j]
-        S.deflate[j] = 1
+        S.deflate[j] = -S.deflate[j] if S.deflate[j] < 0 else 1
         if went == SOLVED and came != SOLVED:
             record_event(S, R, j, EV_STICK, came, 0)
             keep_on_surface(P, S, j, W)
@@ -241,6 +249,21 @@ def _arrivals(P, C, S, R, W, size, jumped, turned):
         if P.kind[j] == DISC and instant.kept[1, j] == SOLVED and S.status[j] == 1:
             record_event(S, R, j, EV_RESET, 0, 1)
     return GO_ON
+
+
+@kernel
+def _begins_to_leave(P, C, S, W, j):
+    """As order_of_leaving, of surface j where a motion only begins, as the slip of a disc from rest; 0 where it has a
+    speed, or is led back from the other side."""
+    if P.hidden[j] != 0 or abs(S.status[j]) != 1:
+        return 0
+    near, far = residual(P, S, W, j, float(S.status[j])), residual(P, S, W, j, float(-S.status[j]))
+    if abs(near) > _BEGINS * abs(far):
+        return 0
+    order = order_of_leaving(P, C, S, W, j)
+    if order * S.status[j] > 0:
+        return order
+    return (1 if far > 0.0 else -1) if order * far > 0.0 else 0
 
 
 @kernel
@@ -348,11 +371,11 @@ def _settle_switches(P, C, S, R, W):
                 if P.step_unit != 0:
                     step_inside(P, S, j, W)
                 order, stays = order_at_rest(P, C, S, W, j)
-                went = status[j] if order == 0 else 1 if order > 0 else -1
-                if stays and rests_at_zero(P, S, R, j):
+                went = status[j] if order == 0 or stays else 1 if order > 0 else -1
+                if stays and rests_at_zero(P, S, R, W, j):
                     continue
             elif P.nested[j] != 0 and P.at_zero[j] != ANY and _is_flat(P, C, S, W, j):
-                if rests_at_zero(P, S, R, j):
+                if rests_at_zero(P, S, R, W, j):
                     continue
             if went != status[j]:
                 record_event(S, R, j, EV_CROSSING, status[j], went)
@@ -399,7 +422,7 @@ def _settle_switches(P, C, S, R, W):
             return code, True
         switched = True
     if switched and _rest_anew(P, S, W, jumped):
-        settle_beside(P, C, S, R, W)
+        instant.unsettled = int(not settle_beside(P, C, S, R, W))
     return GO_ON, switched
 
 
@@ -513,6 +536,7 @@ def _forget_what_was_met(P, S, W):
 def _follow_up(P, C, S, R, W):
     """Switches inside surfaces that have jumped, and sliding ones whose residual has; returns a code."""
     sides_after_crossing(P, S, R, W)
+    hold_by_what_jumps(P, S, R, W)
     for j in range(P.m):
         W.instant.status[j] = S.status[j]
     switches = AT_REST if W.instant.jumped != 0 else ALONE
@@ -683,6 +707,8 @@ def at_instant(P, C, S, R, W):
         instant.solved_there = 0
     stop, jumped = GO_ON, False
     struck = instant.at_clock != 0 and strike_switches(P, C, S, R, W)
+    changed = struck or instant.released != 0
+    instant.released = 0
     if P.ne == 0 and instant.at_clock != 0:
         while S.ticks < len(C.clock) and C.clock[S.ticks] <= S.t:
             S.ticks += 1
@@ -693,7 +719,7 @@ def at_instant(P, C, S, R, W):
             record_point(P, S, R)
         if stop != GO_ON and stop != Outcome.TERMINATED:
             return stop
-    code = _settle(P, C, S, R, W, fold, only, struck)
+    code = _settle(P, C, S, R, W, fold, only, changed)
     for _ in range(MOST_AT_ONCE):
         # What impacts and switches have done to the surfaces of events is looked at when they have come to an end.
         carries = only < 0 and (jumped or may_be_carried(P)) and (code == GO_ON and stop == GO_ON)
@@ -725,8 +751,8 @@ def at_instant(P, C, S, R, W):
 
 
 @kernel
-def _settle(P, C, S, R, W, fold, only, struck):
-    """Contacts and switches in turns until neither changes; a code.
+def _settle(P, C, S, R, W, fold, only, changed):
+    """Contacts and switches in turns until neither changes; a code. `changed`: whether something has, before.
 
     What leaves a fold comes first: there is no root there by which contacts could be looked at.
     """
@@ -735,7 +761,7 @@ def _settle(P, C, S, R, W, fold, only, struck):
         code = _leave_folds(P, S, R, W, fold)
         if code != GO_ON:
             return code
-        struck = True
+        changed = True
     for turn in range(MOST_AT_ONCE + 1):
         if turn == MOST_AT_ONCE:
             return Outcome.CHATTERING
@@ -760,8 +786,11 @@ def _settle(P, C, S, R, W, fold, only, struck):
         code = pass_accumulation(P, C, S, R, W) if turn == 0 else NOTHING
         if code != GO_ON and code != NOTHING:
             return code
-        if switched or struck or code == GO_ON or contacts != UNCHANGED:
+        if switched or changed or code == GO_ON or contacts != UNCHANGED:
             code = _follow_up(P, C, S, R, W)
+            if code == GO_ON and instant.unsettled != 0 and settle_beside(P, C, S, R, W):
+                code = _follow_up(P, C, S, R, W)
+            instant.unsettled = 0
             if code != GO_ON:
                 return code
         if len(P.contact) == 0 or instant.look_again == 0:

@@ -12,16 +12,31 @@ import math
 
 from ..intervals import forget_intervals
 from ..machine.compiling import kernel
-from ..state import CONTACT, CROSSING, EV_STICK, EV_TANGENCY, HELD, KINK, SECOND_ORDER, SLIDING, SOLVED
+from ..state import (
+    CONTACT,
+    CROSSING,
+    EV_RESET,
+    EV_STICK,
+    EV_TANGENCY,
+    HELD,
+    KINK,
+    SECOND_ORDER,
+    SLIDING,
+    SOLVED,
+    TAPE_MEET,
+    TAPE_OTHER,
+)
 from ..step.finer import SWITCHING, follow_as_asked
-from ..step.recording import record_event
-from ..surface.sliding import follow, keep_on_surface, mask_solved, surface_tolerance
+from ..step.recording import put_on_tape, record_event
+from ..surface.sliding import follow, keep_on_surface, mask_solved, surface_rounding, surface_tolerance
 from ..surface.sparse import entry
 from .surface_rates import approach_speed, evaluate_surfaces, order_of_leaving, stop_normal_speed
 
 _SWEEPS = 4
 _AS_NEAR = 10.0  # tolerances
 _SHARE_OF_ARC = 1e-6
+_HALVINGS = 60
+_NO_SPEED = 1e-9  # of what pushes back
 
 
 @kernel
@@ -164,3 +179,103 @@ def stay_at_rest(P, C, S, R, W):
                 hit[j] = hit[k] = False
             else:
                 S.status[k], S.mult[k] = side, float(side)
+
+
+@kernel
+def _at(P, S, W, j, lam, k):
+    """Surface k with the multiplier of switch j at lam, which it keeps."""
+    S.mult[j] = lam
+    evaluate_surfaces(P, S, W)
+    return W.h[k]
+
+
+@kernel
+def _changes_side_with(P, S, W, j, k):
+    """Whether the surface of switch k, which may slide, jumps through 0 where switch j changes its side."""
+    if k == j or P.nested[k] == 0 or P.kind[k] != SLIDING or abs(S.status[k]) != 1:
+        return False
+    side = S.status[j]
+    here, there = _at(P, S, W, j, float(side), k), _at(P, S, W, j, float(-side), k)
+    S.mult[j] = float(side)
+    return here * S.status[k] > 0.0 and there * here < 0.0 and abs(there) > surface_rounding(P, S, k, W)
+
+
+@kernel
+def _push_back(P, S, W, j, k):
+    """The speed with which the slower side of surface j leads back to it, by switch k, which changes its side with j;
+    0 if one does not."""
+    here = -S.status[j] * approach_speed(P, S, j, W)
+    back = here > W.instant.rest_speed
+    S.mult[j], S.mult[k] = float(-S.status[j]), float(-S.status[k])
+    there = S.status[j] * approach_speed(P, S, j, W)
+    back = back and there > W.instant.rest_speed
+    S.mult[j], S.mult[k] = float(S.status[j]), float(S.status[k])
+    return min(here, there) if back else 0.0
+
+
+@kernel
+def _moves_states(P, S, W, j):
+    """Whether the rates change with the multiplier of switch j."""
+    keep = S.mult[j]
+    evaluate_surfaces(P, S, W)
+    for i in range(P.n):
+        W.instant.dx[i] = W.dx[i]
+    S.mult[j] = 1.0 if keep < 0.5 else 0.0
+    evaluate_surfaces(P, S, W)
+    S.mult[j] = keep
+    for i in range(P.n):
+        if W.dx[i] != W.instant.dx[i]:
+            return True
+    return False
+
+
+@kernel
+def _put_at_zero(P, S, W, j, k):
+    """Overwrites S.mult[j] by that with which surface k, which jumps through 0 with switch j, is 0."""
+    low, high, above = -1.0, 1.0, _at(P, S, W, j, 1.0, k) > 0.0
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        if (_at(P, S, W, j, middle, k) > 0.0) == above:
+            high = middle
+        else:
+            low = middle
+    S.mult[j] = 0.5 * (low + high)
+
+
+@kernel
+def hold_by_what_jumps(P, S, R, W):
+    """Where both sides of a surface lead back to it by a switch whose own surface jumps with it, both hold the motion:
+    the one that is crossed has the multiplier with which the other surface is 0, and that one is solved for.
+
+    As x = 0 with x' = -sign(x/2 + lambda), lambda of x: there lambda is 0. So where both surfaces say the same of the
+    states; else nothing holds.
+    """
+    for j in range(P.m):
+        if not W.instant.hit[j] or abs(S.status[j]) != 1 or (P.kind[j] != CROSSING and P.kind[j] != KINK):
+            continue
+        k = -1
+        for i in range(P.m):
+            if _changes_side_with(P, S, W, j, i):
+                k = i if k == -1 else P.m
+        push = _push_back(P, S, W, j, k) if 0 <= k < P.m else 0.0
+        if push == 0.0:
+            continue
+        came, was = S.status[j], S.status[k]
+        for i in range(P.m):
+            W.instant.mult[i] = S.mult[i]
+        _put_at_zero(P, S, W, j, k)
+        S.status[j], S.status[k], S.mult[k] = HELD, SOLVED, 0.0
+        mask_solved(P, S, W)
+        holds = follow(P, S, W) and abs(S.mult[k]) <= 1.0
+        if holds and abs(approach_speed(P, S, j, W)) <= _NO_SPEED * push:
+            if R.tape.shape[0] > 0 and _moves_states(P, S, W, j):
+                put_on_tape(P, S, R, TAPE_MEET, TAPE_OTHER, j, 0, 0.0)  # its deviation is not followed
+            S.deflate[j] = 0
+            S.deflate[k] = 1
+            forget_intervals(S.last[j], S.t)
+            record_event(S, R, j, EV_RESET, came, 0)
+            record_event(S, R, k, EV_STICK, was, 0)
+        else:
+            S.status[j], S.status[k] = came, was
+            for i in range(P.m):
+                S.mult[i] = W.instant.mult[i]

@@ -401,7 +401,7 @@ def resettle(P, C, S, R, W):
             S.status[j], S.mult[j] = HELD, 0.0  # its load has come to an end
             known = False
             continue
-        pushed = abs(g) > 1e-12
+        pushed = abs(g) > 1e-12 * max(1.0, abs(W.G[P.g_diagonal[j]]))
         if not pushed and 1.0 - abs(lam) > _SAME:
             continue
         known = False

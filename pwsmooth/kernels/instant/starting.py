@@ -26,7 +26,7 @@ from ..surface.unknowns import has_other_root, solve_unknowns
 from .contacts import UNCHANGED, close_at_start, is_behind, outcome_of
 from .discs import settle_discs
 from .firing import renew_unknowns
-from .resting import stay_at_rest
+from .resting import hold_by_what_jumps, stay_at_rest
 from .settling import settle_at_rest
 from .surface_rates import (
     any_is,
@@ -63,7 +63,7 @@ def _take_side(P, C, S, R, W, j, may_stay):
     returns whether that is new."""
     side = S.status[j]
     order, stays = order_at_rest(P, C, S, W, j)
-    if stays and (not may_stay or stays_at_zero(P, S, R, j)):
+    if stays and (not may_stay or stays_at_zero(P, S, R, W, j)):
         return S.status[j] != side
     if order != 0:
         S.status[j] = 1 if order > 0 else -1
@@ -152,6 +152,9 @@ def start(P, C, S, R, W):
             changed = (met and _take_side(P, C, S, R, W, j, False)) or changed
         if changed:
             code = settle_at_rest(P, C, S, R, W, size)
+    if code == GO_ON:
+        hold_by_what_jumps(P, S, R, W)
+        S.events = 0
     if code == GO_ON and P.discs != 0:
         code, _ = settle_discs(P, C, S, R, W, True)
         S.events = 0

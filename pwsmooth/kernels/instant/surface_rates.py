@@ -32,10 +32,12 @@ from ..surface.sliding import (
     sum_terms,
     surface_rounding,
 )
+from ..surface.vector import begins
 
 _HIGHEST = 7  # order with which a surface is left
 _ROUNDING = 1e-13  # of the states and what they change by
 MOMENT = 1e-6  # of the unit of time
+_AT_BOUND = 1e-9  # of lambda
 FAINT = 1e-3  # of the strength of a friction a moment later: what is as small now only begins to grow
 
 
@@ -234,11 +236,33 @@ def order_at_rest(P, C, S, W, j):
 
 
 @kernel
-def stays_at_zero(P, S, R, j):
+def _is_borne(P, S, W, j, lam):
+    """Whether what holds the motion can hold it with the multiplier of switch j at lam: it could not come to rest with
+    a value that lets it go."""
+    if not any_is(P, S, SOLVED):
+        return True
+    keep = S.mult[j]
+    for i in range(P.m):
+        W.arc.mult_before[i] = S.mult[i]
+    S.mult[j] = lam
+    mask_solved(P, S, W)
+    borne = follow(P, S, W)
+    for i in range(P.m):
+        if S.status[i] == SOLVED and P.kind[i] <= DISC:
+            borne = borne and abs(S.mult[i]) <= max(1.0 - _AT_BOUND, abs(W.arc.mult_before[i]) + _AT_BOUND)
+    for i in range(P.m):
+        S.mult[i] = W.arc.mult_before[i]
+    S.mult[j] = keep
+    return borne
+
+
+@kernel
+def stays_at_zero(P, S, R, W, j):
     """Switch j stands on its surface and stays there: its multiplier becomes what conditions say of 0.
 
-    False where they say different things, of which an ambiguity tells. The multiplier of a Switch of the user's is 0,
-    as a sign's, and an ambiguity tells that it could be another.
+    False where they say different things, of which an ambiguity tells, and where what holds the motion cannot hold it
+    so: the side remains from which it came. The multiplier of a Switch of the user's is 0, as a sign's, and an
+    ambiguity tells that it could be another.
     """
     at = side_at_zero(P, S, j)
     if at == ANY and P.kind[j] != CROSSING:
@@ -246,31 +270,45 @@ def stays_at_zero(P, S, R, j):
     if at == BOTH or ((at == 0 or at == ANY) and P.jet_general == 0):
         record_ambiguity(S, R, j, AMB_AT_ZERO, 0)
         return False
-    if at == ANY:
+    some = at == ANY
+    at = 0 if some else at
+    if not _is_borne(P, S, W, j, float(at)):
+        return False
+    if some:
         record_ambiguity(S, R, j, AMB_FORCES, 0)
-        at = 0
     S.status[j], S.mult[j] = at if at != 0 else HELD, float(at)
     return True
 
 
 @kernel
 def settle_beside(P, C, S, R, W):
-    """Switches that come to rest on their surfaces with what has come to rest are what conditions say of 0."""
+    """Switches that come to rest on their surfaces with what has come to rest are what conditions say of 0; False,
+    with nothing changed, where what is solved for has no root, or a disc begins to slip: that is settled first."""
+    for j in range(P.m):
+        if begins(P, S, j):
+            return False
+        W.arc.mult_before[j] = S.mult[j]
+    mask_solved(P, S, W)
+    if not follow(P, S, W):
+        for j in range(P.m):
+            S.mult[j] = W.arc.mult_before[j]
+        return False
     evaluate_surfaces(P, S, W)
     for k in range(P.m):
         if P.kind[k] != CROSSING or abs(S.status[k]) != 1 or abs(W.h[k]) > surface_rounding(P, S, k, W):
             continue
         rests = P.nested[k] != 0 or abs(approach_speed(P, S, k, W)) <= W.instant.rest_speed
-        if rests and order_of_leaving(P, C, S, W, k) == 0 and rests_at_zero(P, S, R, k):
+        if rests and order_of_leaving(P, C, S, W, k) == 0 and rests_at_zero(P, S, R, W, k):
             W.instant.hit[k] = False
         evaluate_surfaces(P, S, W)
+    return True
 
 
 @kernel
-def rests_at_zero(P, S, R, j):
+def rests_at_zero(P, S, R, W, j):
     """As `stays_at_zero`; records what becomes of the switch."""
     came = S.status[j]
-    if not stays_at_zero(P, S, R, j):
+    if not stays_at_zero(P, S, R, W, j):
         return False
     if S.status[j] != came:
         record_event(S, R, j, EV_RESET, came, S.status[j] if S.status[j] != HELD else 0)

@@ -31,6 +31,7 @@ DIP = 10.0  # of the tolerance: a dip that deep, relative to its size on the ste
 DIGITS = 1e-13  # of the states: what they cannot say
 NEARBY = 1e-3  # of a step, over which the speed of a surface is taken
 TICK = 1e-15  # of the time: its rounding
+STANDS = 2  # in `met`: put on the surface by an update, or resting there
 MET = 4  # in `postponed`, beside DUE: met, until switches of time alone have crossed
 ROUGH = 1e-3  # of a surface's size on the step: what the polynomial may miss at a zero
 ROUNDED = 3.0  # times what the last digits of the states make of a surface: a smaller one tells nothing
@@ -123,17 +124,35 @@ def set_sides(s, t, x, f, h):
     for j in range(s.e):
         if s.met[j] == 0:
             continue
+        k, came = s.remembers[j], s.side[j]
         s.side[j] = 0.0
         for q in range(7, 0, -1):
             rise = s.values[8 * j + q] - s.values[8 * j]
             if abs(rise) > 0.01 * s.rounding[j]:
                 s.side[j] = _sign(rise)
-        k = s.remembers[j]
+        if s.met[j] == STANDS and s.side[j] != 0.0:
+            s.side[j] = came  # it is crossed where the motion goes on
+            continue
         # A surface that hugs zero within rounding would leave a memory that was only ever turned round on either side.
-        if k >= 0 and s.side[j] != 0.0 and x[k] != s.side[j]:
-            x[k] = s.side[j]
+        side = s.side[j]
+        if k >= 0 and side == 0.0:
+            side = _side_at_rest(s, j, t, x)
+        if k >= 0 and side != 0.0 and x[k] != side:
+            x[k] = side
             changed = True
     return changed
+
+
+@kernel
+def _side_at_rest(s, j, t, x):
+    """The memory of switch j where its surface stays at 0: what conditions say of that, else the side that it has."""
+    k, i = s.remembers[j], s.at_rest[j]
+    if i < 0:
+        return x[k]
+    for q in range(s.n):
+        s.before[q] = s.after[q] = x[q]
+    _act(s, i, t)
+    return s.after[k]
 
 
 @kernel
@@ -225,6 +244,15 @@ def _narrow(s, coefficients, degree, t, h, j, side, lo, hi):
 
 
 @kernel
+def _rests(s, j):
+    """Whether surface j stays within rounding of 0 on the part just sampled."""
+    for k in range(8):
+        if abs(s.values[8 * j + k]) > s.rounding[j]:
+            return False
+    return True
+
+
+@kernel
 def next_zero(s, coefficients, degree, t, h, begin):
     """First theta in (begin, 1] at which a watched surface passes zero in a direction that counts; else NONE.
 
@@ -243,6 +271,9 @@ def next_zero(s, coefficients, degree, t, h, begin):
                 s.side[j] = s.passed_side[j] = _sign(s.values[8 * j + 7])
             continue
         side, a, here = s.side[j], begin, False
+        if remembers >= 0 and _rests(s, j):
+            s.passed_side[j] = side
+            continue
         if s.carried[j] == SILENT:
             s.found[j], s.passed_side[j] = _comes_to_zero(s, coefficients, degree, t, h, j, side, a), side
             first = min(first, s.found[j])
@@ -299,7 +330,28 @@ def _due(s, t, theta, h, instant):
 
 @kernel
 def _look_again(s, t, x):
+    """As _look, behind an update: switches that it has moved off their surfaces have the side where they are, and so do
+    the surfaces in which they stand."""
     _look(s, t, x, s.before)
+    for _ in range(s.e):
+        found = -1
+        for j in range(s.e):
+            k = s.remembers[j]
+            moved = found < 0 and k >= 0 and s.carried[j] != TIMED and s.level[j] != s.was[j]
+            if moved and abs(s.level[j]) > s.rounding[j] and x[k] * s.level[j] < 0.0:
+                found = j  # those that stand in others come first
+        if found < 0 or not has_room(s):
+            break  # what is left of the room is for events
+        k = s.remembers[found]
+        _record(s, found, t)
+        x[k] = s.side[found] = -x[k]
+        _look(s, t, x, s.before)
+
+
+@kernel
+def has_room(s):
+    """Whether the records have room for all that may happen at one instant."""
+    return s.records + 2 * s.e + MOST_AT_ONCE < s.room
 
 
 @kernel
@@ -368,6 +420,9 @@ def _fire(s, t, x):
     for record in range(first, s.records):
         for i in range(n):
             s.event_x[2 * n * record + n + i] = x[i]
+    for j in range(s.e):
+        if s.jumped != 0 and s.met[j] == 0 and s.at_rest[j] >= 0 and abs(s.level[j]) <= s.rounding[j]:
+            s.met[j] = STANDS
     return code
 
 
@@ -453,7 +508,7 @@ def events_unit(s, t, degree, offset):
         s.was[j] = s.side[j]
     h, theta, coefficients = s.taken, 0.0, at(s.coefficients, offset)
     instant = s.ticks < s.instants and s.t >= s.instant_t[s.ticks]
-    while s.records + 2 * s.e + MOST_AT_ONCE < s.room:
+    while has_room(s):
         begin = theta
         theta = next_zero(s, coefficients, degree, t, h, begin)
         if begin == 0.0 and theta < 1.0 and s.mode == S.RADAU:

@@ -200,6 +200,8 @@ def _after_step(s, t, mode):
         s.h = length if length > 64.0 * np.finfo(np.float64).eps * abs(s.t) else 0.0
         _begin(s)
         if set_sides(s, s.t, s.x, s.f, length):
+            s.points -= 1
+            _write_point(s, 0.0, -1)
             _begin(s)
     else:
         _choose_method(s)

@@ -99,6 +99,7 @@ class Core(Bundle):
     left: "i8*[e]"
     stops: "i8*[e]"  # 1 for an event that ends the run
     remembers: "i8*[e]"  # index of the state that keeps the side of the surface, or -1
+    at_rest: "i8*[e]"  # event whose update says what that state is where the surface stays at 0, or -1
     degree: "i8*[capacity]"  # of the polynomial of the step that ends here
     event_index: "i8*[room]"
     instant_event: "i8*[instants]"

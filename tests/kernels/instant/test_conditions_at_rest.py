@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, System, Unilateral, solve
+from pwsmooth import Disc, Event, Switch, System, Unilateral, solve
 
 t, y, z, e, h = sp.symbols("t y z e h", real=True)
 
@@ -69,6 +69,10 @@ def test_conditions_that_disagree_at_zero_are_recorded():
     for system, start in ((both, {z: 0, e: 0, y: 1}), (signs, {z: 0, y: 1})):
         run = solve(system, (0, 5), start)
         assert ambiguous(run) or run["z"][-1] == pytest.approx(1, abs=1e-9)
+    # The side from which it came remains.
+    for method in ("auto", "rk", "stiff"):
+        below = solve(both, (0, 5), {z: 0, e: 0, y: -1}, method=method)
+        assert np.all(below.x[:2, -1] == 0) and (ambiguous(below) or method == "stiff")
 
 
 def test_the_sign_of_what_stays_at_zero_is_zero_where_something_slides():
@@ -152,3 +156,70 @@ def test_stairs_that_hold_the_motion_where_it_starts_fire_no_event(method):
     for at in (0.5, 1, -1.5, -3):
         run = solve(held, (0, 2), {y: 0, z: 0}, parameters={k: at}, method=method)
         assert run["z"][-1] == 0 and run["y"][-1] == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("method", ["auto", "rk"])
+def test_what_leaves_zero_and_steps_a_force_lets_static_friction_go(way, method):
+    # sign y steps from 0 to 1 at t = 1, and the force from 3/4 to 5/4; the break-away force is 1.089.
+    lam = Switch("lam", z)
+    system = System(
+        {z: way * (h + sp.sign(y) / 2) - lam * (1 + (1 - lam**2)), y: sp.Max(t - 1, 0)}, time=t, parameters={h: 1}
+    )
+    for force, speed in ((0.5, 0.0), (0.75, 0.25), (0.9, 0.4)):
+        run = solve(system, (0, 2), {z: 0, y: 0}, parameters={h: force}, method=method)
+        assert run.success and run["z"][-1] == pytest.approx(way * speed, abs=1e-9)
+
+
+# ---- what a disc holds at rest on a step
+
+
+DISC = Disc("D", (y, z))
+
+
+@pytest.mark.parametrize("wave", [sp.frac(z), sp.Mod(2 * z, 2) / 2, when(z < 0)])
+def test_a_disc_at_rest_on_a_step_slips_with_the_force_of_the_side_to_which_it_slips(wave):
+    # |force| is 1 at e + t/5 - 3/4 wave = sqrt(1 - 0.09). The slip that begins with wave = 0 leads to z < 0, where wave
+    # is 1: there it is held on. One that leads to z > 0 goes on.
+    system = System({y: e + t / 5 - 0.75 * wave - DISC[0], z: h - DISC[1]}, time=t, parameters={e: 0.3, h: 1})
+    for force in (0.3, 0.4):
+        begins = (np.sqrt(0.91) - force) * 5
+        held = solve(system, (0, begins + 3.8), {y: 0, z: 0}, parameters={e: force, h: -0.3})
+        assert held.success and not len(held.ambiguities)
+        times = [event.time for event in held.events if event.switch == "D" and event.kind == "slip by tangency"]
+        np.testing.assert_allclose(times, [begins, begins + 3.75], atol=1e-8)
+        run = solve(system, (0, begins + 0.1), {y: 0, z: 0}, parameters={e: force, h: 0.3})
+        assert run.success and run["z"][-1] > 0
+        np.testing.assert_allclose(run.event_times(switch="D"), [begins], atol=1e-8)
+
+
+def test_a_value_at_zero_that_would_let_go_what_has_come_to_rest_is_none():
+    # From y < 0 the tooth is 1 and the force on z is -0.1; on its step it is 0, and the force would be 1.2.
+    system = System({y: -DISC[0], z: 1.2 - 1.3 * sp.frac(2 * y) - DISC[1]})
+    run = solve(system, (0, 3), {y: -0.3, z: 0.02})
+    assert run.success and not len(run.ambiguities) and np.all(run.x[:2, -1] == 0)
+
+
+@pytest.mark.parametrize(
+    ("step", "start", "way"),
+    [
+        (when(y < 0), 0.1, 1),
+        (when(y < 0), -0.1, 1),
+        (-sp.sign(y) / 2, 0.1, 1),
+        (-sp.sign(y) / 2, -0.1, -1),
+        (-sp.sign(y) / 2, -0.1, 1),
+        (-sp.Heaviside(y), -0.1, -1),
+        (sp.frac(y), -0.1, 1),
+    ],
+)
+def test_a_slip_that_begins_from_rest_takes_the_side_to_which_it_leads(step, start, way):
+    # The step drives apart: the body comes to rest under the push of the side from which it comes, and slips when the
+    # force has grown to 1, to the other side or back to this one.
+    system = System({y: e * (1 - t / 2) - step - DISC[0], z: -DISC[1]}, time=t, parameters={e: 0.4})
+    push = 1.0 if step == sp.frac(y) else float(step.subs(y, start))
+    leaves = 2 * (1 - (push / way - 1) / 0.4)
+    run = solve(system, (0, leaves + 1), {y: start, z: 0.03}, parameters={e: way * 0.4})
+    assert run.success and not len(run.ambiguities)
+    times = [event.time for event in run.events if event.switch == "D" and event.kind == "slip by tangency"]
+    np.testing.assert_allclose(times, [leaves], atol=1e-8)
+    assert run["y"][-1] * way < 0

@@ -7,6 +7,7 @@ surfaces, unknowns. Models and their right answers are closed forms, given besid
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.optimize import brentq
 
 from pwsmooth import Algebraic, Disc, Event, Memory, Switch, System, Unilateral, solve
 
@@ -286,6 +287,27 @@ def test_a_sign_holds_the_motion_by_the_signs_that_jump_with_it(inside, unknown,
     assert run["x"][-1] == 0 and arrival == pytest.approx(0.6 / (0.625 if start < 0 else 0.375), abs=1e-9)
 
 
+INNER = Switch("inner", c / 4 - x)
+OUTER = Switch("outer", 3 * x + c * INNER / 2 - 3 * c / 4)
+STAIRS = sp.floor(sp.Rational(5, 2) * x / c - sp.floor(4 * x / c - 1) / 8 - sp.Rational(11, 16))
+
+
+@METHODS
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("slope", [0, 0.2, -0.2])
+@pytest.mark.parametrize("push", [OUTER / 2, sp.sign(OUTER.surface) / 2, STAIRS + 0.5])
+def test_what_jumps_with_stairs_or_a_switch_inside_holds_the_motion_with_them(push, slope, unit, method):
+    # Below x = 1/4 the push is 1/2, above it is -1/2: x stays there from the first meeting on until the force is 1/2.
+    force = q + a * t + push
+    system = System({x: c * force, y: x / c}, time=t, parameters={q: 0.1, a: slope, c: 1})
+    given = {c: unit, q: 0.1, a: slope}
+    end = (np.sign(slope) * 0.5 - 0.1) / slope + 0.4 if slope else 4
+    for start in (0.24, 0.25):
+        run = solve(system, (0, end), {x: start * unit, y: 0}, parameters=given, method=method)
+        assert run.success and not len(run.ambiguities)
+        assert run["x"][-1] / unit == pytest.approx(0.25 + slope * 0.4**2 / 2, abs=1e-9)
+
+
 def test_a_tooth_that_steps_as_an_event_strikes_lets_static_friction_go():
     # At t = 1 the force steps from q + 1/2 to q, beyond the break-away force; the slip that begins is backwards.
     lam = Switch("lam", v)
@@ -296,6 +318,22 @@ def test_a_tooth_that_steps_as_an_event_strikes_lets_static_friction_go():
         run = solve(system, (0.75, 1.5), {v: 0}, parameters={q: force})
         assert run.success, run.message
         assert run["v"][-1] == pytest.approx((force + 0.544) / 2 + 1 / 16, abs=1e-9)
+
+
+@METHODS
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("step", [sp.Heaviside(a - w), sp.Piecewise((1, a > w), (0, True)), (1 + sp.sign(a - w)) / 2])
+def test_a_force_that_steps_with_a_condition_on_an_unknown_lets_static_friction_go(step, way, method):
+    # The break-away force is 1.089, and the force q = 3/4 until the step to 5/4: then v' = 1/4. Half of it would hold.
+    lam = Switch("lam", v)
+    friction = lam * (1 + (1 - lam**2))
+    unknown = Algebraic(a, a + a**3 / 4 - x)
+    system = System({v: way * (q + step / 2) - friction, x: 1, w: -0.1}, parameters={q: 0.75}, algebraic=[unknown])
+    meeting = brentq(lambda at: (1 - at / 10) + (1 - at / 10) ** 3 / 4 - at, 0, 2, xtol=1e-15)
+    for force in (0.7, 0.75, 0.9):
+        run = solve(system, (0, 3), {v: 0, x: 0, w: 1}, parameters={q: force}, method=method)
+        assert run.success and not len(run.ambiguities)
+        assert run["v"][-1] == pytest.approx(way * (force - 0.5) * (3 - meeting), abs=1e-9)
 
 
 @pytest.mark.parametrize("level", [2.0, 0.25])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, Kicks, Memory, Outcome, System, Unilateral, solve, sweep
+from pwsmooth import Event, Family, Kicks, Memory, Outcome, System, Unilateral, solve, sweep
 from pwsmooth.compare.work_precision.cases import CASES
 from pwsmooth.laws.friction import GMS, Elastoplastic, ElastoplasticFixed, ModifiedCoulomb
 from pwsmooth.scenes import block_on_belt
@@ -217,3 +217,79 @@ def test_a_reset_at_the_instant_of_a_crossing_leaves_the_side_that_the_records_s
     crossings = [event for event in solution.events if event.kind == "crossing"]
     assert crossings[-1].note == "+1 to -1"
     assert len(solution.event_times("reset")) == 1
+
+
+# ---- switches at an instant, as kernels/instant/ has them
+
+
+def when(condition):
+    return sp.Piecewise((1, condition), (0, True))
+
+
+@pytest.mark.parametrize("level", [0, sp.Rational(1, 2), 1])
+@pytest.mark.parametrize(
+    "read",
+    [
+        when(v > 0), when(v >= 0), when(v < 0), when(v <= 0), when(sp.exp(v) > 1), when(sp.Max(v, 0) > 0),
+        sp.floor(2 * v), sp.ceiling(v), sp.frac(3 * v), sp.Mod(v, 1),
+    ],
+)  # fmt: skip
+def test_a_condition_on_what_an_event_has_put_on_its_surface_means_what_it_says(read, level):
+    # v stays at the level from t = 1 on; at 2 it leaves it.
+    put = Event(at=1, update={v: level, z: -sp.Rational(1, 2)})
+    for rate in (0, z * when(t > 2)):
+        system = System({x: read, v: rate, z: 0}, time=t, events=[put])
+        for start in (0.8, -0.7):
+            stiff, explicit = both(system, (0, 3), {x: 0, v: start, z: 0})
+            before, there = (float(read.subs(v, value).doit()) for value in (sp.Rational(start), level))
+            assert stiff.success and stiff["x"][-1] == pytest.approx(explicit["x"][-1], abs=1e-8)
+            if rate == 0:
+                assert stiff["x"][-1] == pytest.approx(before + 2 * there, abs=1e-8)
+
+
+def test_a_condition_in_a_family_on_what_an_event_has_put_to_zero_means_what_it_says():
+    family = Family(3)
+    (rate,) = family.symbols("rate", positive=True)
+    a, b, c = family.symbols("a b c")
+    rates = {b: when(a > 0) + sp.floor(2 * c) * rate, a: -a / 4, c: sp.Integer(0)}
+    put = [Event(a - sp.Rational(1, 2), update={a: 0, c: sp.Rational(1, 2)})]
+    system = System(rates, events=put, parameters={rate: [1, 2, 3]})
+    values = {rate: [1, 2, 3], a: [0.8, 1, 1.2], b: 0, c: 0.6}
+    stiff, explicit = both(system, (0, 6), {k: values[k] for k in (a, b, c)}, parameters={rate: values[rate]})
+    assert stiff.success
+    np.testing.assert_allclose(stiff.x[:, -1], explicit.x[:, -1], atol=1e-8)
+    ends = 4 * np.log(np.array([0.8, 1, 1.2]) / 0.5)
+    expected = ends + np.array([1, 2, 3]) * 6
+    np.testing.assert_allclose([stiff[f"b_{k}"][-1] for k in (1, 2, 3)], expected, atol=1e-8)
+
+
+def test_an_event_whose_surface_holds_a_switch_that_it_turns_itself_fires_once():
+    # The outer condition comes true at t = 0.42, and carries the surface through 0; the memory makes it false again. It
+    # comes true once more at 0.82, with the memory, and stays so.
+    m = Memory("m", 0)
+    inner = when(m / 2 - v / 2 - 0.15 > 0) / 4
+    bell = Event(x / 2 + v / 2 - 0.74 + when(v / 2 - x - inner + 0.35926 > 0), update={m: 1 - m}, name="bell")
+    stiff, explicit = both(System({x: -x, v: 0.3, z: m}, events=[bell]), (0, 3), {x: 0.87, v: 0.3, z: 0})
+    assert stiff.success and len(stiff.event_times(switch="bell")) == 2
+    np.testing.assert_allclose(stiff.event_times(), explicit.event_times(), atol=1e-8)
+    np.testing.assert_allclose(stiff.x[:, -1], explicit.x[:, -1], atol=1e-8)
+
+
+@pytest.mark.parametrize("start", [-0.6, -0.5, -0.3])
+def test_switches_that_an_update_moves_take_their_sides_from_the_inner_ones_on(start):
+    inner = sp.sign(2 * x - 0.2)
+    system = System({x: -x / 2, z: sp.sign(x - inner / 4)}, events=[Event(at=1, update={x: x + 0.5})], time=t)
+    stiff, explicit = both(system, (0, 2), {x: start, z: 0})
+    assert stiff.success and len(stiff.events) == len(explicit.events)
+    np.testing.assert_allclose(stiff.x[:, -1], explicit.x[:, -1], atol=1e-8)
+
+
+@pytest.mark.parametrize("slope", [-1, 1])
+def test_teeth_that_step_as_an_event_strikes_turn_the_conditions_on_them(slope):
+    # v passes 1/2 as the event strikes there: the tooth steps, and carries the condition on it through.
+    tooth = sp.Mod(v - sp.Rational(1, 2), sp.Rational(3, 4))
+    bell = Event(v - sp.Rational(1, 2), update={z: -z})
+    system = System({x: when(tooth > 0.3) + sp.frac(v + tooth / 3), v: slope, z: 0}, events=[bell])
+    stiff, explicit = both(system, (0, 1), {x: 0, v: 0.5 - slope * 0.47, z: 1})
+    assert stiff.success
+    np.testing.assert_allclose(stiff.x[:, -1], explicit.x[:, -1], atol=1e-8)
