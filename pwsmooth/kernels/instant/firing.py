@@ -28,7 +28,14 @@ from ..state import (
     UNRECORDED,
 )
 from ..step.recording import put_on_tape, record_ambiguity, record_event
-from ..surface.sliding import follow, is_at_rest, mask_instant, surface_rounding, surface_speed
+from ..surface.sliding import (
+    follow,
+    is_at_rest,
+    keep_on_surface,
+    mask_instant,
+    surface_rounding,
+    surface_speed,
+)
 from .accumulation import at_once_within, events_accumulate
 from .surface_rates import any_kind, approach_speed, evaluate_surfaces
 
@@ -45,12 +52,18 @@ def _look(loop, t, x):
     evaluate_surfaces(P, S, W)
     for i in range(P.ne):
         W.firing.level[i] = W.h[P.m + i]
-        rounding = W.firing.slack[i]
-        for e in range(P.dh_row[P.m + i], P.dh_row[P.m + i + 1]):
-            k = P.dh_col[e]
-            rounding += 1e-13 * abs(W.dh[e]) * (abs(W.firing.before[k]) + abs(x[k]))
-        W.firing.rounding[i] = rounding
+        W.firing.rounding[i] = W.firing.slack[i] + _rounding_of_update(P, S, W, P.m + i)
     _note_what_updates_read(P, S, W)
+
+
+@kernel
+def _rounding_of_update(P, S, W, i):
+    """What surface i may be off by as the last round of updates has made its states of the values before, from W.dh."""
+    total = 0.0
+    for e in range(P.dh_row[i], P.dh_row[i + 1]):
+        k = P.dh_col[e]
+        total += abs(W.dh[e]) * (abs(W.firing.before[k]) + abs(S.x[k]))
+    return 1e-13 * total
 
 
 @kernel
@@ -72,7 +85,8 @@ def renew_unknowns(P, S, W):
 def _renew_multipliers(P, S, W):
     """Between two rounds of events: multipliers of switches that an update has moved are those of their new sides.
 
-    What their statuses become is settled when no event acts any more.
+    What an update has put on a surface, to the rounding of what it is made of, stands on it. What statuses become is
+    settled when no event acts any more.
     """
     for sweep in range(P.m + 1):
         evaluate_surfaces(P, S, W)
@@ -82,6 +96,9 @@ def _renew_multipliers(P, S, W):
             W.mask[j] = 1 if held else 0
             if P.kind[j] < DISC:
                 moved = W.h[j] != W.firing.switch_level[j]
+                if moved and W.h[j] != 0.0 and abs(W.h[j]) <= _rounding_of_update(P, S, W, j):
+                    keep_on_surface(P, S, j, W)  # 1 - 1 is 0
+                    evaluate_surfaces(P, S, W)
                 side = float(S.status[j]) if not moved else 1.0 if W.h[j] > 0.0 else -1.0
                 if abs(W.h[j]) > surface_rounding(P, S, j, W) if moved else abs(S.status[j]) == 1:
                     W.mask[j] = 0

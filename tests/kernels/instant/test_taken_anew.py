@@ -96,6 +96,19 @@ def test_an_impact_carries_a_velocity_through_zero_upward_alone():
 # ---- after an update
 
 
+def test_a_state_that_an_update_puts_on_a_switch_to_rounding_stands_on_it():
+    # x falls to 1, where it is put to 1 - 1, of either sign; from there it rises, or is held.
+    lam = Switch("lam", x)
+    to_zero = Event(x - sp.Rational(1, 2) - lam / 2, direction=-1, update={x: x - 1, n: n + 1}, name="to zero")
+    rises = System({x: 2 * n - 1}, events=[to_zero])
+    held = System({x: n / 2 - 1 - lam}, events=[Event(x - 1, update={x: x - 1, n: n + 1}, name="to zero")])
+    for start in np.random.default_rng(0).uniform(1.1, 1.9, 40):
+        run = solve(rises, (0, 1.5), {x: start, n: 0})
+        assert [event.switch for event in run.events] == ["to zero"]
+        assert run["x"][-1] == pytest.approx(2.5 - start, abs=1e-12)
+        assert [event.kind for event in solve(held, (0, 1.5), {x: start, n: 0}).events] == ["reset", "stick"]
+
+
 def test_the_unknown_of_a_surface_is_solved_after_its_update():
     # a = 2 x and x' = 1; x is put back to 0 whenever a comes to 1.
     system = System(
