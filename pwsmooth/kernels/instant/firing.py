@@ -189,7 +189,8 @@ def carried_along(P, S, W):
     """Makes due the events through whose surfaces something else than the motion has carried it since `stood`: an
     impact, a switch that stands in them. Returns whether there are any.
 
-    A surface that it is left on is met when the motion goes on to the other side.
+    A surface that it is left on is met when the motion goes on to the other side. One on whose zero the motion stands,
+    since it came there, is not jumped through but left.
     """
     some = False
     evaluate_surfaces(P, S, W)
@@ -207,10 +208,11 @@ def carried_along(P, S, W):
             continue
         if abs(W.h[j] - W.instant.stood[j]) <= within:
             continue
+        stood_at_zero = S.deflate[j] != 0
         S.deflate[j] = 0
         if W.h[j] * S.side[i] < 0.0:
             S.side[i] = -S.side[i]
-            if counts(P.direction[i], S.side[i]):
+            if counts(P.direction[i], S.side[i]) and not stood_at_zero:
                 W.firing.due[i] = DUE
                 some = True
     return some

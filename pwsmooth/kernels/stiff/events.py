@@ -137,6 +137,15 @@ def set_sides(s, t, x, f, h):
 
 
 @kernel
+def _rests(s, j):
+    """Whether surface j is 0 in all points just sampled."""
+    for k in range(8):
+        if s.values[8 * j + k] != 0.0:
+            return False
+    return True
+
+
+@kernel
 def _bracket(s, j, side, a, b, deep):
     """First interval of the sampled ones where surface j leaves `side` by more than `deep`: (lo, hi), or NONE twice."""
     for k in range(1, 8):
@@ -236,9 +245,9 @@ def next_zero(s, coefficients, degree, t, h, begin):
         s.found[j], remembers = NONE, s.remembers[j]
         if remembers >= 0 and s.side[j] == 0.0:
             s.side[j] = s.x[remembers]
-        # Nothing happens to a switch whose surface rests at zero.
+        # Nothing happens to a switch whose surface rests at zero, and an event on one that does is left without firing.
         least = SMALLEST if remembers >= 0 else 0.0
-        if s.carried[j] == TIMED or s.side[j] == 0.0:
+        if s.carried[j] == TIMED or s.side[j] == 0.0 or (remembers < 0 and _rests(s, j)):
             if s.carried[j] != TIMED:
                 s.side[j] = s.passed_side[j] = _sign(s.values[8 * j + 7])
             continue
@@ -258,7 +267,7 @@ def next_zero(s, coefficients, degree, t, h, begin):
             if counts(s.direction[j], -side):
                 s.found[j], here = zero, True
                 break
-            side, a = -side, zero
+            side, a, least = -side, zero, SMALLEST  # it is still at 0 there
             if a >= 1.0:
                 break
         if here:

@@ -157,6 +157,22 @@ def test_a_surface_on_which_the_motion_has_rested_is_left_without_firing():
             assert run["x"][-1] == pytest.approx(65.25, abs=1e-8)
 
 
+@pytest.mark.parametrize("method", ["taylor", "rk", "stiff"])
+def test_a_surface_that_jumps_off_the_zero_on_which_the_motion_rests_fires_nothing(method):
+    # It falls to 0 at w = c, rests there, and jumps up or down at w = 3; and one that comes up to 0 as it jumps down.
+    for jump in (sp.Heaviside(w - 3), -sp.Heaviside(w - 3)):
+        for direction in (0, 1, -1):
+            bell = Event(sp.Max(c - w, 0) + jump, direction=direction, update={n: n + 1}, name="bell")
+            system = System({w: 1}, events=[bell], parameters={c: 2})
+            for level in (2, 1.7, 2.3):
+                run = solve(system, (0, 4), {w: 0}, parameters={c: level}, method=method)
+                assert run.event_times(switch="bell") == pytest.approx([level] * (direction != 1), abs=1e-8)
+    for direction in (0, 1, -1):
+        bell = Event(w - 1 - sp.Heaviside(w - 1), direction=direction, update={n: n + 1}, name="bell")
+        run = solve(System({w: 1}, events=[bell]), (0, 1.4), {w: 0.5}, method=method)
+        assert run.event_times(switch="bell") == pytest.approx([0.5] * (direction != -1), abs=1e-8)
+
+
 def test_a_velocity_that_a_contact_has_held_leaves_0_without_firing():
     # It falls through 0 with the impact and rests; the table lets go at t = 1, as the load 1 - t changes its sign.
     bell = Event(v, update={n: n + 1, y: y + 3 / 10}, name="bell")
