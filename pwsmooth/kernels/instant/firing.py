@@ -196,7 +196,7 @@ def carried_along(P, S, W):
     evaluate_surfaces(P, S, W)
     for i in range(P.ne):
         j = P.m + i
-        W.firing.due[i] = W.firing.met[i] = 0
+        W.firing.due[i], W.firing.met[i] = 0, int(S.deflate[j] != 0)
         if P.rows_slip[j] < 0 or P.watch[i] != 0:
             continue
         speed = surface_speed(P, W, j)
@@ -299,13 +299,13 @@ def events(P, C, S, R, W, struck):
         met = instant.hit[m + i]
         if not struck:
             firing.due[i] = 0
-        firing.met[i] = 1 if met else 0
         if met:
             S.deflate[m + i] = 1
             S.side[i] = -S.side[i]
             if counts(P.direction[i], S.side[i]):
                 firing.due[i] = DUE
                 some = True
+        firing.met[i] = int(S.deflate[m + i] != 0)
     if instant.at_clock:
         while S.ticks < len(C.clock) and C.clock[S.ticks] <= S.t:
             if C.clock_event[S.ticks] < P.ne:

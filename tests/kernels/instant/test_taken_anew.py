@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Algebraic, Disc, Event, Memory, Switch, System, Unilateral, solve
+from pwsmooth import Algebraic, Disc, Drive, Event, Memory, Switch, System, Unilateral, solve
 
 t, x, y, v, a, c, w, q = sp.symbols("t x y v a c w q", real=True)
 n, m, s, pause = (Memory(name, 0) for name in ("n", "m", "s", "pause"))
@@ -171,6 +171,24 @@ def test_a_surface_that_jumps_off_the_zero_on_which_the_motion_rests_fires_nothi
         bell = Event(w - 1 - sp.Heaviside(w - 1), direction=direction, update={n: n + 1}, name="bell")
         run = solve(System({w: 1}, events=[bell]), (0, 1.4), {w: 0.5}, method=method)
         assert run.event_times(switch="bell") == pytest.approx([0.5] * (direction != -1), abs=1e-8)
+
+
+@pytest.mark.parametrize("method", ["taylor", "rk", "stiff"])
+def test_an_update_takes_the_motion_off_a_surface_on_which_it_rests_without_firing(method):
+    # From the start on, or from w = c on, where it falls to 0; a state and a record that is held move it up or down.
+    held = sp.Symbol("held", real=True)
+    for by in (0.5, -0.5):
+        kick = Event(at=[3], update={x: x + by})
+        record = Drive([-1, 0, 2.5, 3, 5], [0, 0, 0, by, by], kind="hold")
+        for direction in (0, 1, -1):
+            for moved, drives in ((x, None), (held, {held: record})):
+                bell = Event(sp.Max(c - w, 0) + moved, direction=direction, update={n: n + 1}, name="bell")
+                rates = {w: 1, x: 0}
+                system = System(rates, time=t, events=[bell, kick], drives=drives, parameters={c: 2})
+                for level in (2, 1.7, -1):
+                    run = solve(system, (0, 4), {w: 0, x: 0}, parameters={c: level}, method=method)
+                    times = [level] * (direction != 1 and level > 0)
+                    assert run.event_times(switch="bell") == pytest.approx(times, abs=1e-8)
 
 
 def test_a_velocity_that_a_contact_has_held_leaves_0_without_firing():
