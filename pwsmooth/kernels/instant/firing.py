@@ -1,6 +1,8 @@
 """Events of one instant on the event-driven path (the rule is that of kernels/firing.py), and the sides of the
 switches after what jumped."""
 
+import math
+
 from ..firing import counts, fire
 from ..intervals import time_size
 from ..machine.compiling import kernel
@@ -11,6 +13,7 @@ from ..state import (
     ADD,
     ALGEBRAIC,
     AMB_UPDATES,
+    COMPONENT,
     CONTACT,
     DISC,
     DUE,
@@ -82,18 +85,65 @@ def renew_unknowns(P, S, W):
 
 
 @kernel
+def _lets_go(P, S, W, solved):
+    """Puts multipliers that can hold no more to their bounds, and takes note of them in instant.weak; whether there are
+    any.
+
+    They have been solved for and are beyond, or, not `solved`, those of switches have no root. With hidden terms a root
+    may be on the wrong side: a switch goes where its surface does at the multiplier that it had, which is in instant.mult.
+    """
+    some, moves = False, False
+    for j in range(P.m):
+        if not W.mask[j]:
+            continue
+        if P.kind[j] == CONTACT and S.mult[j] < 0.0:
+            S.mult[j] = 0.0
+            W.instant.weak[j], some = 1, True
+        elif P.kind[j] < DISC and (not solved or abs(S.mult[j]) > 1.0):
+            W.instant.weak[j], some = 1, True
+            if solved and P.hidden[j] == 0:
+                S.mult[j] = math.copysign(1.0, S.mult[j])
+            else:
+                S.mult[j], moves = W.instant.mult[j], True
+        elif P.kind[j] == COMPONENT:
+            some = _slips(P, S, W, P.disc_of[j]) or some
+    if moves:
+        renew_unknowns(P, S, W)
+        evaluate_surfaces(P, S, W)
+        for j in range(P.m):
+            if W.instant.weak[j] and P.kind[j] < DISC and abs(S.mult[j]) != 1.0:
+                S.mult[j] = math.copysign(1.0, W.g[j])
+    return some
+
+
+@kernel
+def _slips(P, S, W, j):
+    """Puts the multipliers of disc j, which are solved for, on its rim if they are beyond; whether they are."""
+    size = 0.0
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        size += S.mult[k] ** 2
+    for k in range(j + 1, j + 1 + P.dim[j] if size > 1.0 else 0):
+        S.mult[k] /= math.sqrt(size)
+        W.instant.weak[k] = 1
+    return size > 1.0
+
+
+@kernel
 def _renew_multipliers(P, S, W):
-    """Between two rounds of events: multipliers of switches that an update has moved are those of their new sides.
+    """Between two rounds of events: multipliers of switches that an update has moved are those of their new sides, those
+    that hold follow, and are at their bounds where they can hold no more.
 
     What an update has put on a surface, to the rounding of what it is made of, stands on it. What statuses become is
     settled when no event acts any more.
     """
-    for sweep in range(P.m + 1):
+    let_go = False
+    for j in range(P.m):
+        W.instant.weak[j] = 0
+    for sweep in range(2 * P.m + 1):
         evaluate_surfaces(P, S, W)
-        changed = solves = False
+        changed, solves = let_go, False
         for j in range(P.m):
-            held = S.status[j] == SOLVED
-            W.mask[j] = 1 if held else 0
+            W.mask[j] = int(S.status[j] == SOLVED and W.instant.weak[j] == 0)
             if P.kind[j] < DISC:
                 moved = W.h[j] != W.firing.switch_level[j]
                 if moved and W.h[j] != 0.0 and abs(W.h[j]) <= _rounding_of_update(P, S, W, j):
@@ -107,12 +157,14 @@ def _renew_multipliers(P, S, W):
             solves = solves or W.mask[j] != 0
         if sweep > 0 and not changed:
             return
+        let_go = False
         if solves:
             for j in range(P.m):
                 W.instant.mult[j] = S.mult[j]
-            if not follow(P, S, W):
-                for j in range(P.m):
-                    S.mult[j] = W.instant.mult[j]
+            solved = follow(P, S, W)
+            for j in range(0 if solved else P.m):
+                S.mult[j] = W.instant.mult[j]
+            let_go = _lets_go(P, S, W, solved)
         elif not changed:
             return
 
