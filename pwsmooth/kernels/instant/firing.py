@@ -24,6 +24,7 @@ from ..state import (
     HELD,
     SECOND_ORDER,
     SET,
+    SLIDING,
     SOLVED,
     TAPE_ACT,
     TAPE_ROUND,
@@ -44,6 +45,7 @@ from .surface_rates import any_kind, approach_speed, evaluate_surfaces
 
 _MOST_INSIDE = 1e-9  # of the states and their way: what one may be moved by
 _TICK = 1e-15  # of the time: its rounding
+BETWEEN = 0.3  # of a multiplier: stairs that are met on both of its sides are not met there
 _OF_A_STEP = 1e-8  # by so much at most the series of a step tells an instant too late or too early
 
 
@@ -196,6 +198,49 @@ def leave_what_jumps(P, S, W):
         within = surface_rounding(P, S, i, W) + _moment(S, W) * abs(surface_speed(P, W, i))
         if abs(W.h[i] - W.instant.stood[i]) > within and abs(W.h[i]) > within:
             W.instant.hit[i] = False
+
+
+@kernel
+def jumps_with_another(P, S, W, j):
+    """Whether the surface of switch j jumps with another switch that is met and may slide, or with the unknowns that do."""
+    for i in range(P.m if P.nested[j] != 0 else 0):
+        if i == j or not W.instant.hit[i] or P.kind[i] != SLIDING or abs(S.status[i]) != 1:
+            continue
+        for k in range(P.m):
+            W.instant.mult[k] = S.mult[k]
+        lowest, highest = math.inf, -math.inf
+        for look in range(3):
+            S.mult[i] = -1.0 if look == 0 else 1.0 if look == 1 else BETWEEN
+            if P.nested[i] == 0:
+                renew_unknowns(P, S, W)
+            evaluate_surfaces(P, S, W)
+            lowest, highest = min(lowest, W.h[j]), max(highest, W.h[j])
+        for k in range(P.m):
+            S.mult[k] = W.instant.mult[k]
+        evaluate_surfaces(P, S, W)
+        if highest - lowest > surface_rounding(P, S, j, W):
+            return True
+    return False
+
+
+@kernel
+def place_those_that_wait(P, S, W, size):
+    """Switches on surfaces that jump with active[:size] have, as these settle, the sides of what is in between."""
+    some = False
+    for j in range(P.m):
+        W.instant.mult[j] = S.mult[j]
+        some = some or W.instant.waits[j] != 0
+    if not some:
+        return
+    for a in range(size):
+        S.mult[W.instant.active[a]] = BETWEEN
+    renew_unknowns(P, S, W)
+    evaluate_surfaces(P, S, W)
+    for j in range(P.m):
+        S.mult[j] = W.instant.mult[j]
+        if W.instant.waits[j] and abs(W.h[j]) > surface_rounding(P, S, j, W):
+            S.status[j] = 1 if W.h[j] > 0.0 else -1
+            S.mult[j] = float(S.status[j])
 
 
 @kernel

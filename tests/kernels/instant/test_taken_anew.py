@@ -403,3 +403,20 @@ def test_stairs_whose_surface_jumps_as_it_comes_to_zero_stay_on_their_step(metho
     system = System({x: 1 + inner / 10 + sp.floor(inner / 2 - x + 1) / 10})
     run = solve(system, (0, 0.75 + 0.5 / 1.1 + 0.5), {x: 0.25}, method=method)
     assert run["x"][-1] == pytest.approx(2, abs=1e-9) and not run.ambiguities
+
+
+@METHODS
+@pytest.mark.parametrize("unknown", [False, True])
+def test_stairs_that_stand_in_stairs_on_both_of_whose_sides_these_are_met_let_them_hold(unknown, method):
+    # z is x - 1/4 below x = 1/2 and x - 3/4 above: 2 z - 1/2 comes to 0 and to -1 there, and is between as x is held.
+    tread = x / 2 - sp.Rational(1, 2) + sp.frac(x + sp.Rational(3, 2)) / 2
+    z = a if unknown else tread
+    rate = {x: z / 2 - c - sp.floor(2 * z - sp.Rational(1, 2)) / 4}
+    beside = Event(sp.frac(4 * x - 1) - sp.Rational(1, 2), update={n: n + 1})
+    for events in ([], [beside]):
+        unknowns = [Algebraic(a, a - tread)] if unknown else []
+        system = System(rate, algebraic=unknowns, parameters={c: 0.14}, events=events)
+        # With steps of rk surfaces that meet from above or beside an event are apart by more than rounding.
+        for start in (0.5,) if method == "rk" and events else (0.5, 0.3) if method == "rk" else (0.5, 0.3, 0.51):
+            run = solve(system, (0, 2), {x: start})
+            assert run.success and run["x"][-1] == pytest.approx(0.5, abs=1e-12) and not run.ambiguities
