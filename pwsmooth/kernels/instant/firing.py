@@ -92,7 +92,7 @@ def _lets_go(P, S, W, solved):
     any.
 
     They have been solved for and are beyond, or, not `solved`, those of switches have no root. With hidden terms a root
-    may be on the wrong side: a switch goes where its surface does at the multiplier that it had, which is in instant.mult.
+    may be on the wrong side: a switch goes where its surface does at the multiplier that it had (instant.mult).
     """
     some, moves = False, False
     for j in range(P.m):
@@ -132,11 +132,10 @@ def _slips(P, S, W, j):
 
 @kernel
 def _renew_multipliers(P, S, W):
-    """Between two rounds of events: multipliers of switches that an update has moved are those of their new sides, those
-    that hold follow, and are at their bounds where they can hold no more.
+    """Between two rounds of events: multipliers of switches that an update has moved are those of their new sides.
 
-    What an update has put on a surface, to the rounding of what it is made of, stands on it. What statuses become is
-    settled when no event acts any more.
+    Those that hold follow, and are at their bounds where they can hold no more. What an update has put on a surface, to
+    the rounding of what it is made of, stands on it. What statuses become is settled when no event acts any more.
     """
     let_go = False
     for j in range(P.m):
@@ -202,7 +201,7 @@ def leave_what_jumps(P, S, W):
 
 @kernel
 def jumps_with_another(P, S, W, j):
-    """Whether the surface of switch j jumps with another switch that is met and may slide, or with the unknowns that do."""
+    """Whether the surface of switch j, or unknowns in it, jump with another switch that is met and may slide."""
     for i in range(P.m if P.nested[j] != 0 else 0):
         if i == j or not W.instant.hit[i] or P.kind[i] != SLIDING or abs(S.status[i]) != 1:
             continue

@@ -126,8 +126,8 @@ _MOST_MINUTE = 10_000
 
 @kernel
 def _take_along(P, S, W, size):
-    """Appends to the switches active[:size] those that they act on and that come to their surfaces with them, and do not
-    jump off these with them."""
+    """Appends to the switches active[:size] those that they act on and that come to their surfaces with them, but for
+    those that jump off with them."""
     instant, first = W.instant, size
     for a in range(first):
         evaluate_surfaces(P, S, W)
@@ -684,7 +684,7 @@ def at_instant(P, C, S, R, W):
         if stop != GO_ON and stop != Outcome.TERMINATED:
             return stop
     code = _settle(P, C, S, R, W, fold, only, struck)
-    for _ in range(MOST_AT_ONCE):
+    for _ in range(P.ne + MOST_AT_ONCE):
         # What impacts and switches have done to the surfaces of events is looked at when they have come to an end.
         carries = only < 0 and (jumped or may_be_carried(P)) and (code == GO_ON and stop == GO_ON)
         if not carries or not carried_along(P, S, W):
@@ -698,6 +698,8 @@ def at_instant(P, C, S, R, W):
         if stop != GO_ON and stop != Outcome.TERMINATED:
             return stop
         code = _settle(P, C, S, R, W, -1, -1, False)
+    else:
+        return Outcome.EVENT_LOOP  # what events do is undone by an impact, for ever
     if code != GO_ON:
         return code
     if len(P.contact) > 0:
