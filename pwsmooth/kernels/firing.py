@@ -4,10 +4,10 @@ All that are due and whose `when` holds act on the values before, together. What
 due next, with the values after; until nothing newly acts.
 
 Both loops have arrays of these names, with one entry an event: `due`, `met` (the motion has come to the surface at
-this instant, and no update has taken it off), `side` (the sign that the surface had last), `carried` (what an update
-does that carries the surface through zero), `level` and `rounding` (the surfaces, and what the last digits of the
-states make of them), `was` (before the last update), `left` (whether an update has taken the states off the surface, or
-through it); and `before` and `after`, the states around one round of updates.
+this instant or before, and nothing has taken it off), `side` (the sign that the surface had last), `carried` (what an
+update does that carries the surface through zero), `level` and `rounding` (the surfaces, and what the last digits of
+the states make of them), `was` (before the last update), `left` (whether an update has taken the states off the
+surface, or through it); and `before` and `after`, the states around one round of updates.
 """
 
 from .machine.compiling import kernel
@@ -26,8 +26,8 @@ def _carry_through(E, side, direction, ne):
     """Makes due what the last update has carried through zero: from `was` to `level`.
 
     An event that acts with it is not: one that only records at the surface of another would make that act twice. Nor
-    is what was put back from the surface that the motion had just come to: it will be met again from there. Where an
-    update puts the state on a surface, the motion meets it when it goes on to the other side.
+    is what is taken off a surface to which the motion had come, or on which it rested: it will be met again from there.
+    Where an update puts the state on a surface, the motion meets it when it goes on to the other side.
     """
     for j in range(ne):
         acted = E.due[j] == ACTS

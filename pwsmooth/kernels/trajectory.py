@@ -418,7 +418,7 @@ def find_end(P, C, S, R, W):
         fraction, end.stopped = best, 0
     if happened or end.stopped:
         touched_at_the_end(P, C, S, fraction, W)
-    end.met, end.last_graze = best, fraction
+    end.met, end.last_graze = fraction, fraction
     grazes = first_graze(P, W) <= fraction
     if grazes and C.strict:
         fraction, happened, end.stopped = first_graze(P, W), False, 0
@@ -540,7 +540,7 @@ def act(P, C, S, R, W):
         W.instant.fold = step.fold if end.folded else -1
         W.instant.way = step.toward
         W.instant.at_clock = end.at_clock
-        W.instant.met = end.met if end.happened else NO_ROOT
+        W.instant.met = end.met
         W.instant.elapsed = S.t - step.start
         note_rhythm(P, S, W, end.met, S.t)
         return call_unit(P.instant_unit, P, C, S, R, W)

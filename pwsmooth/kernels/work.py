@@ -61,7 +61,7 @@ class End(Bundle):
 
     length: "float"  # of what is taken of the step
     whole: "int"  # whether that is all of it
-    met: "float"  # share of the step at which the first surface or bound is met
+    met: "float"  # share of the step at which it ends: what is met beyond is not met
     happened: "int"  # whether that ends the step
     folded: "int"  # or the fold of an arc does
     stopped: "int"  # or the stop
@@ -295,7 +295,7 @@ class Firing(Bundle):
 class Instant(Bundle):
     """What happens at an instant: see instants.py."""
 
-    met: "float"  # where in the step the first surface is met
+    met: "float"  # where in the step the instant is
     elapsed: "float"  # since the last instant
     fold: "int"  # switch that stands at its fold, or -1
     way: "int"  # direction of time along its root there
@@ -315,6 +315,7 @@ class Instant(Bundle):
     drift: "f8[m]"  # the next ones, to a common factor
     hit: "b1[m + ne]"  # met
     stood: "f8[m + ne]"  # the surfaces before something at this instant may have moved them
+    waits: "i8[m]"  # whether a switch is settled once others have been, with which its surface jumps
     came: "i8[m]"  # status before the instant
     active: "i8[m]"  # switches that are settled
     faint: "i8[m]"  # whether they may have no strength

@@ -138,6 +138,16 @@ def test_events_that_fire_each_other_for_ever_are_a_loop():
     assert solution.t[-1] == pytest.approx(1.0, abs=1e-12) and len(solution.events) < 200
 
 
+def test_an_event_that_undoes_every_rebound_is_a_loop():
+    # Whenever the ball leaves the floor the event throws it back onto it.
+    v = sp.Symbol("v", real=True)
+    floor = Unilateral(x, restitution=sp.Rational(1, 2))
+    back = Event(v, direction=1, update={v: -1})
+    ball = System({x: v, v: -1 + floor.reaction}, events=[back])
+    solution = stopped(solve(ball, (0, 5), {x: 1, v: 0}), Outcome.EVENT_LOOP)
+    assert solution.t[-1] == pytest.approx(math.sqrt(2), abs=1e-12) and len(solution.events) < 200
+
+
 def test_a_long_chain_of_events_at_one_instant_is_no_loop():
     f, n = Memory("f", 0), 80
     steps = [Event(f - i + sp.Rational(1, 2), update={f: i + 1}) for i in range(1, n)]

@@ -1,6 +1,8 @@
 """Events of one instant on the event-driven path (the rule is that of kernels/firing.py), and the sides of the
 switches after what jumped."""
 
+import math
+
 from ..firing import counts, fire
 from ..intervals import time_size
 from ..machine.compiling import kernel
@@ -11,6 +13,7 @@ from ..state import (
     ADD,
     ALGEBRAIC,
     AMB_UPDATES,
+    COMPONENT,
     CONTACT,
     DISC,
     DUE,
@@ -21,6 +24,7 @@ from ..state import (
     HELD,
     SECOND_ORDER,
     SET,
+    SLIDING,
     SOLVED,
     TAPE_ACT,
     TAPE_ROUND,
@@ -28,12 +32,20 @@ from ..state import (
     UNRECORDED,
 )
 from ..step.recording import put_on_tape, record_ambiguity, record_event
-from ..surface.sliding import follow, is_at_rest, mask_instant, surface_rounding, surface_speed
+from ..surface.sliding import (
+    follow,
+    is_at_rest,
+    keep_on_surface,
+    mask_instant,
+    surface_rounding,
+    surface_speed,
+)
 from .accumulation import at_once_within, events_accumulate
 from .surface_rates import any_kind, approach_speed, evaluate_surfaces
 
 _MOST_INSIDE = 1e-9  # of the states and their way: what one may be moved by
 _TICK = 1e-15  # of the time: its rounding
+BETWEEN = 0.3  # of a multiplier: stairs that are met on both of its sides are not met there
 _OF_A_STEP = 1e-8  # by so much at most the series of a step tells an instant too late or too early
 
 
@@ -45,12 +57,18 @@ def _look(loop, t, x):
     evaluate_surfaces(P, S, W)
     for i in range(P.ne):
         W.firing.level[i] = W.h[P.m + i]
-        rounding = W.firing.slack[i]
-        for e in range(P.dh_row[P.m + i], P.dh_row[P.m + i + 1]):
-            k = P.dh_col[e]
-            rounding += 1e-13 * abs(W.dh[e]) * (abs(W.firing.before[k]) + abs(x[k]))
-        W.firing.rounding[i] = rounding
+        W.firing.rounding[i] = W.firing.slack[i] + _rounding_of_update(P, S, W, P.m + i)
     _note_what_updates_read(P, S, W)
+
+
+@kernel
+def _rounding_of_update(P, S, W, i):
+    """What surface i may be off by as the last round of updates has made its states of the values before, from W.dh."""
+    total = 0.0
+    for e in range(P.dh_row[i], P.dh_row[i + 1]):
+        k = P.dh_col[e]
+        total += abs(W.dh[e]) * (abs(W.firing.before[k]) + abs(S.x[k]))
+    return 1e-13 * total
 
 
 @kernel
@@ -69,19 +87,69 @@ def renew_unknowns(P, S, W):
 
 
 @kernel
+def _lets_go(P, S, W, solved):
+    """Puts multipliers that can hold no more to their bounds, and takes note of them in instant.weak; whether there are
+    any.
+
+    They have been solved for and are beyond, or, not `solved`, those of switches have no root. With hidden terms a root
+    may be on the wrong side: a switch goes where its surface does at the multiplier that it had (instant.mult).
+    """
+    some, moves = False, False
+    for j in range(P.m):
+        if not W.mask[j]:
+            continue
+        if P.kind[j] == CONTACT and S.mult[j] < 0.0:
+            S.mult[j] = 0.0
+            W.instant.weak[j], some = 1, True
+        elif P.kind[j] < DISC and (not solved or abs(S.mult[j]) > 1.0):
+            W.instant.weak[j], some = 1, True
+            if solved and P.hidden[j] == 0:
+                S.mult[j] = math.copysign(1.0, S.mult[j])
+            else:
+                S.mult[j], moves = W.instant.mult[j], True
+        elif P.kind[j] == COMPONENT:
+            some = _slips(P, S, W, P.disc_of[j]) or some
+    if moves:
+        renew_unknowns(P, S, W)
+        evaluate_surfaces(P, S, W)
+        for j in range(P.m):
+            if W.instant.weak[j] and P.kind[j] < DISC and abs(S.mult[j]) != 1.0:
+                S.mult[j] = math.copysign(1.0, W.g[j])
+    return some
+
+
+@kernel
+def _slips(P, S, W, j):
+    """Puts the multipliers of disc j, which are solved for, on its rim if they are beyond; whether they are."""
+    size = 0.0
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        size += S.mult[k] ** 2
+    for k in range(j + 1, j + 1 + P.dim[j] if size > 1.0 else 0):
+        S.mult[k] /= math.sqrt(size)
+        W.instant.weak[k] = 1
+    return size > 1.0
+
+
+@kernel
 def _renew_multipliers(P, S, W):
     """Between two rounds of events: multipliers of switches that an update has moved are those of their new sides.
 
-    What their statuses become is settled when no event acts any more.
+    Those that hold follow, and are at their bounds where they can hold no more. What an update has put on a surface, to
+    the rounding of what it is made of, stands on it. What statuses become is settled when no event acts any more.
     """
-    for sweep in range(P.m + 1):
+    let_go = False
+    for j in range(P.m):
+        W.instant.weak[j] = 0
+    for sweep in range(2 * P.m + 1):
         evaluate_surfaces(P, S, W)
-        changed = solves = False
+        changed, solves = let_go, False
         for j in range(P.m):
-            held = S.status[j] == SOLVED
-            W.mask[j] = 1 if held else 0
+            W.mask[j] = int(S.status[j] == SOLVED and W.instant.weak[j] == 0)
             if P.kind[j] < DISC:
                 moved = W.h[j] != W.firing.switch_level[j]
+                if moved and W.h[j] != 0.0 and abs(W.h[j]) <= _rounding_of_update(P, S, W, j):
+                    keep_on_surface(P, S, j, W)  # 1 - 1 is 0
+                    evaluate_surfaces(P, S, W)
                 side = float(S.status[j]) if not moved else 1.0 if W.h[j] > 0.0 else -1.0
                 if abs(W.h[j]) > surface_rounding(P, S, j, W) if moved else abs(S.status[j]) == 1:
                     W.mask[j] = 0
@@ -90,12 +158,14 @@ def _renew_multipliers(P, S, W):
             solves = solves or W.mask[j] != 0
         if sweep > 0 and not changed:
             return
+        let_go = False
         if solves:
             for j in range(P.m):
                 W.instant.mult[j] = S.mult[j]
-            if not follow(P, S, W):
-                for j in range(P.m):
-                    S.mult[j] = W.instant.mult[j]
+            solved = follow(P, S, W)
+            for j in range(0 if solved else P.m):
+                S.mult[j] = W.instant.mult[j]
+            let_go = _lets_go(P, S, W, solved)
         elif not changed:
             return
 
@@ -127,6 +197,49 @@ def leave_what_jumps(P, S, W):
         within = surface_rounding(P, S, i, W) + _moment(S, W) * abs(surface_speed(P, W, i))
         if abs(W.h[i] - W.instant.stood[i]) > within and abs(W.h[i]) > within:
             W.instant.hit[i] = False
+
+
+@kernel
+def jumps_with_another(P, S, W, j):
+    """Whether the surface of switch j, or unknowns in it, jump with another switch that is met and may slide."""
+    for i in range(P.m if P.nested[j] != 0 else 0):
+        if i == j or not W.instant.hit[i] or P.kind[i] != SLIDING or abs(S.status[i]) != 1:
+            continue
+        for k in range(P.m):
+            W.instant.mult[k] = S.mult[k]
+        lowest, highest = math.inf, -math.inf
+        for look in range(3):
+            S.mult[i] = -1.0 if look == 0 else 1.0 if look == 1 else BETWEEN
+            if P.nested[i] == 0:
+                renew_unknowns(P, S, W)
+            evaluate_surfaces(P, S, W)
+            lowest, highest = min(lowest, W.h[j]), max(highest, W.h[j])
+        for k in range(P.m):
+            S.mult[k] = W.instant.mult[k]
+        evaluate_surfaces(P, S, W)
+        if highest - lowest > surface_rounding(P, S, j, W):
+            return True
+    return False
+
+
+@kernel
+def place_those_that_wait(P, S, W, size):
+    """Switches on surfaces that jump with active[:size] have, as these settle, the sides of what is in between."""
+    some = False
+    for j in range(P.m):
+        W.instant.mult[j] = S.mult[j]
+        some = some or W.instant.waits[j] != 0
+    if not some:
+        return
+    for a in range(size):
+        S.mult[W.instant.active[a]] = BETWEEN
+    renew_unknowns(P, S, W)
+    evaluate_surfaces(P, S, W)
+    for j in range(P.m):
+        S.mult[j] = W.instant.mult[j]
+        if W.instant.waits[j] and abs(W.h[j]) > surface_rounding(P, S, j, W):
+            S.status[j] = 1 if W.h[j] > 0.0 else -1
+            S.mult[j] = float(S.status[j])
 
 
 @kernel
@@ -172,13 +285,14 @@ def carried_along(P, S, W):
     """Makes due the events through whose surfaces something else than the motion has carried it since `stood`: an
     impact, a switch that stands in them. Returns whether there are any.
 
-    A surface that it is left on is met when the motion goes on to the other side.
+    A surface that it is left on is met when the motion goes on to the other side. One on whose zero the motion stands,
+    since it came there, is not jumped through but left.
     """
     some = False
     evaluate_surfaces(P, S, W)
     for i in range(P.ne):
         j = P.m + i
-        W.firing.due[i] = W.firing.met[i] = 0
+        W.firing.due[i], W.firing.met[i] = 0, int(S.deflate[j] != 0)
         if P.rows_slip[j] < 0 or P.watch[i] != 0:
             continue
         speed = surface_speed(P, W, j)
@@ -190,10 +304,11 @@ def carried_along(P, S, W):
             continue
         if abs(W.h[j] - W.instant.stood[j]) <= within:
             continue
+        stood_at_zero = S.deflate[j] != 0
         S.deflate[j] = 0
         if W.h[j] * S.side[i] < 0.0:
             S.side[i] = -S.side[i]
-            if counts(P.direction[i], S.side[i]):
+            if counts(P.direction[i], S.side[i]) and not stood_at_zero:
                 W.firing.due[i] = DUE
                 some = True
     return some
@@ -280,13 +395,13 @@ def events(P, C, S, R, W, struck):
         met = instant.hit[m + i]
         if not struck:
             firing.due[i] = 0
-        firing.met[i] = 1 if met else 0
         if met:
             S.deflate[m + i] = 1
             S.side[i] = -S.side[i]
             if counts(P.direction[i], S.side[i]):
                 firing.due[i] = DUE
                 some = True
+        firing.met[i] = int(S.deflate[m + i] != 0)
     if instant.at_clock:
         while S.ticks < len(C.clock) and C.clock[S.ticks] <= S.t:
             if C.clock_event[S.ticks] < P.ne:

@@ -78,8 +78,10 @@ from .firing import (
     carried_along,
     events,
     fire_due,
+    jumps_with_another,
     leave_what_jumps,
     may_be_carried,
+    place_those_that_wait,
     sides_after_crossing,
     sides_after_jump,
     step_inside,
@@ -126,13 +128,14 @@ _BEGINS = 1e-9  # of the speed on the far side: no speed
 
 @kernel
 def _take_along(P, S, W, size):
-    """Appends to the switches active[:size] those that they act on and that come to their surfaces with them."""
+    """Appends to the switches active[:size] those that they act on and that come to their surfaces with them, but for
+    those that jump off with them."""
     instant, first = W.instant, size
     for a in range(first):
         evaluate_surfaces(P, S, W)
         link(P, S, W, instant.active[a])
         for k in range(P.m):
-            if W.linear.linked[k] and rests_along(P, S, W, k):
+            if W.linear.linked[k] and rests_along(P, S, W, k) and not jumps_with_another(P, S, W, k):
                 instant.hit[k] = True
                 instant.active[size] = k
                 size += 1
@@ -306,7 +309,7 @@ def _note_those_inside(P, S, W):
     if inside:
         evaluate_surfaces(P, S, W)
         for j in range(P.m):
-            W.instant.stood[j] = W.h[j]
+            W.instant.stood[j], W.instant.waits[j] = W.h[j], 0
     return inside
 
 
@@ -358,7 +361,8 @@ def _settle_switches(P, C, S, R, W):
                     part_or_press(P, S, W, j)
                     switched = switched or (P.discs != 0 and some_share(P, S))
         elif P.kind[j] == SLIDING:
-            if inside and not jumped and _jumps_with_another(P, S, W, j):
+            instant.waits[j] = int(inside and jumps_with_another(P, S, W, j))
+            if instant.waits[j]:
                 later = True
                 continue
             instant.active[size] = j
@@ -411,13 +415,15 @@ def _settle_switches(P, C, S, R, W):
         if code != GO_ON:
             return code, True
         switched = switched or some
+    if later and jumped:
+        place_those_that_wait(P, S, W, size)
     if size > 0:
         code = _arrivals(P, C, S, R, W, size, jumped, switched or instant.at_clock != 0)
         if code != GO_ON:
             return code, True
         switched = True
     if later:
-        code = _settle_what_jumps(P, C, S, R, W)
+        code = _settle_what_jumps(P, C, S, R, W, jumped)
         if code != GO_ON:
             return code, True
         switched = True
@@ -427,34 +433,20 @@ def _settle_switches(P, C, S, R, W):
 
 
 @kernel
-def _jumps_with_another(P, S, W, j):
-    """Whether the surface of switch j jumps with another switch that is met and may slide."""
-    for i in range(P.m if P.nested[j] != 0 else 0):
-        if i == j or not W.instant.hit[i] or P.kind[i] != SLIDING or abs(S.status[i]) != 1:
-            continue
-        keep = S.mult[i]
-        S.mult[i] = 1.0
-        evaluate_surfaces(P, S, W)
-        above = W.h[j]
-        S.mult[i] = -1.0
-        evaluate_surfaces(P, S, W)
-        S.mult[i] = keep
-        if abs(W.h[j] - above) > surface_rounding(P, S, j, W):
-            return True
-    return False
-
-
-@kernel
-def _settle_what_jumps(P, C, S, R, W):
+def _settle_what_jumps(P, C, S, R, W, jumped):
     """Switches whose surfaces jump with others of this instant: what is still met settles behind these; a code."""
     instant, size = W.instant, 0
     leave_what_jumps(P, S, W)
     for j in range(P.m):
-        waits = instant.hit[j] and P.kind[j] == SLIDING and P.nested[j] != 0
-        if waits and abs(S.status[j]) == 1 and S.status[j] == instant.came[j]:
+        if instant.waits[j] == 0 or abs(S.status[j]) != 1:
+            continue
+        instant.waits[j] = 0
+        if instant.hit[j]:
             instant.active[size] = j
             size += 1
-    return _arrivals(P, C, S, R, W, size, False, True) if size > 0 else GO_ON
+        elif S.status[j] != instant.came[j]:
+            record_event(S, R, j, EV_RESET, instant.came[j], S.status[j])
+    return _arrivals(P, C, S, R, W, size, jumped, True) if size > 0 else GO_ON
 
 
 @kernel
@@ -720,7 +712,7 @@ def at_instant(P, C, S, R, W):
         if stop != GO_ON and stop != Outcome.TERMINATED:
             return stop
     code = _settle(P, C, S, R, W, fold, only, changed)
-    for _ in range(MOST_AT_ONCE):
+    for _ in range(P.ne + MOST_AT_ONCE):
         # What impacts and switches have done to the surfaces of events is looked at when they have come to an end.
         carries = only < 0 and (jumped or may_be_carried(P)) and (code == GO_ON and stop == GO_ON)
         if not carries or not carried_along(P, S, W):
@@ -734,6 +726,8 @@ def at_instant(P, C, S, R, W):
         if stop != GO_ON and stop != Outcome.TERMINATED:
             return stop
         code = _settle(P, C, S, R, W, -1, -1, False)
+    else:
+        return Outcome.EVENT_LOOP  # what events do is undone by an impact, for ever
     if code != GO_ON:
         return code
     if len(P.contact) > 0:

@@ -157,11 +157,31 @@ def come_to_rest(P, C, S, R, W, j, left):
 
 
 @kernel
+def _stands_in(P, S, W, j, k):
+    """Whether kink j stands in surface k: away from where both are 0 the surface depends on its side."""
+    keep = S.mult[j]
+    for i in range(P.n):
+        W.instant.x[i] = S.x[i]
+    for e in range(P.dh_row[j], P.dh_row[j + 1]):
+        S.x[P.dh_col[e]] += (1.0 + abs(S.x[P.dh_col[e]])) * (1.0 + 0.3 * (e - P.dh_row[j]))
+    S.mult[j] = 1.0
+    evaluate_surfaces(P, S, W)
+    above = W.h[k]
+    S.mult[j] = -1.0
+    evaluate_surfaces(P, S, W)
+    S.mult[j] = keep
+    for i in range(P.n):
+        S.x[i] = W.instant.x[i]
+    return not W.h[k] == above  # also where one side has no value there, as a root
+
+
+@kernel
 def rests_on_kink(P, C, S, R, W, j):
     """Whether a slide comes to rest on the surface of kink j, which stands in that on which it slides."""
     for k in range(P.m):
-        if P.kind[k] == SLIDING and S.status[k] == SOLVED and P.nested[k]:
-            return P.kind[j] == KINK and come_to_rest(P, C, S, R, W, j, 0.0)
+        slides = P.kind[j] == KINK and P.kind[k] == SLIDING and S.status[k] == SOLVED and P.nested[k] != 0
+        if slides and _stands_in(P, S, W, j, k):
+            return come_to_rest(P, C, S, R, W, j, 0.0)
     return False
 
 
@@ -172,6 +192,8 @@ def stay_at_rest(P, C, S, R, W):
     for j in range(P.m):
         for k in range(P.m if P.kind[j] == KINK and hit[j] and abs(S.status[j]) == 1 else 0):
             if P.kind[k] != SLIDING or not P.nested[k] or not hit[k] or abs(S.status[k]) != 1:
+                continue
+            if not _stands_in(P, S, W, j, k):
                 continue
             side = S.status[k]
             S.status[k], S.mult[k] = SOLVED, 0.0

@@ -25,7 +25,7 @@ from ..surface.sliding import INSIDE, is_at_rest, mask_instant, surface_rounding
 from ..surface.unknowns import has_other_root, solve_unknowns
 from .contacts import UNCHANGED, close_at_start, is_behind, outcome_of
 from .discs import settle_discs
-from .firing import renew_unknowns
+from .firing import jumps_with_another, place_those_that_wait, renew_unknowns
 from .resting import hold_by_what_jumps, stay_at_rest
 from .settling import settle_at_rest
 from .surface_rates import (
@@ -72,6 +72,23 @@ def _take_side(P, C, S, R, W, j, may_stay):
     if S.status[j] != side:
         _look_at_nested(P, C, S, W)
     return S.status[j] != side
+
+
+@kernel
+def _settle_those_that_waited(P, C, S, R, W, code):
+    """Switches on surfaces that jump with others, which have settled: those that still stand on them; a code."""
+    for _ in range(P.m):
+        size = 0
+        for j in range(P.m):
+            W.instant.waits[j] *= int(W.instant.hit[j] and abs(S.status[j]) == 1)
+            if W.instant.waits[j] and not jumps_with_another(P, S, W, j):
+                W.instant.active[size], W.instant.waits[j] = j, 0
+                size += 1
+        if code != GO_ON or size == 0:
+            break
+        code = settle_at_rest(P, C, S, R, W, size)
+        _look_at_nested(P, C, S, W)
+    return code
 
 
 @kernel
@@ -128,7 +145,7 @@ def start(P, C, S, R, W):
     stay_at_rest(P, C, S, R, W)
     S.events, size = 0, 0
     for j in range(m):
-        instant.came[j] = status[j]
+        instant.came[j], instant.waits[j] = status[j], 0
         if not instant.hit[j] or P.kind[j] == DISC or P.kind[j] == COMPONENT:
             continue
         if P.kind[j] == CONTACT:
@@ -137,13 +154,18 @@ def start(P, C, S, R, W):
         elif P.kind[j] == SLIDING or (
             P.kind[j] == SECOND_ORDER and abs(approach_speed(P, S, j, W)) <= instant.rest_speed
         ):
-            instant.active[size] = j
-            size += 1
+            # Where a surface is that jumps with another one is known once that has settled.
+            instant.waits[j] = int(jumps_with_another(P, S, W, j))
+            if not instant.waits[j]:
+                instant.active[size] = j
+                size += 1
         elif abs(status[j]) == 1:
             _take_side(P, C, S, R, W, j, True)
+    place_those_that_wait(P, S, W, size)
     code = settle_at_rest(P, C, S, R, W, size) if size > 0 else GO_ON
     if size > 0:
         _look_at_nested(P, C, S, W)
+        code = _settle_those_that_waited(P, C, S, R, W, code)
     if code == GO_ON and size > 0 and any_is(P, S, SOLVED):
         # What slides carries the others to one side or the other, which may let it go.
         changed = False

@@ -264,11 +264,11 @@ def next_zero(s, coefficients, degree, t, h, begin):
         s.found[j], remembers = NONE, s.remembers[j]
         if remembers >= 0 and s.side[j] == 0.0:
             s.side[j] = s.x[remembers]
-        # Nothing happens to a switch whose surface rests at zero.
+        # Nothing happens to a switch whose surface rests at zero, and an event on one that does is left without firing.
         least = SMALLEST if remembers >= 0 else 0.0
-        if s.carried[j] == TIMED or s.side[j] == 0.0:
+        if s.carried[j] == TIMED or s.side[j] == 0.0 or (remembers < 0 and _rests(s, j)):
             if s.carried[j] != TIMED:
-                s.side[j] = s.passed_side[j] = _sign(s.values[8 * j + 7])
+                s.side[j] = s.passed_side[j] = 0.0 if _rests(s, j) else _sign(s.values[8 * j + 7])
             continue
         side, a, here = s.side[j], begin, False
         if remembers >= 0 and _rests(s, j):
@@ -289,7 +289,7 @@ def next_zero(s, coefficients, degree, t, h, begin):
             if counts(s.direction[j], -side):
                 s.found[j], here = zero, True
                 break
-            side, a = -side, zero
+            side, a, least = -side, zero, SMALLEST  # it is still at 0 there
             if a >= 1.0:
                 break
         if here:

@@ -164,7 +164,9 @@ def test_what_leaves_zero_and_steps_a_force_lets_static_friction_go(way, method)
     # sign y steps from 0 to 1 at t = 1, and the force from 3/4 to 5/4; the break-away force is 1.089.
     lam = Switch("lam", z)
     system = System(
-        {z: way * (h + sp.sign(y) / 2) - lam * (1 + (1 - lam**2)), y: sp.Max(t - 1, 0)}, time=t, parameters={h: 1}
+        {z: way * (h + sp.sign(y) / 2) - lam * (1 + (1 - lam**2)), y: sp.Max(t - 1, 0)},
+        time=t,
+        parameters={h: 1},
     )
     for force, speed in ((0.5, 0.0), (0.75, 0.25), (0.9, 0.4)):
         run = solve(system, (0, 2), {z: 0, y: 0}, parameters={h: force}, method=method)
@@ -186,7 +188,9 @@ def test_a_disc_at_rest_on_a_step_slips_with_the_force_of_the_side_to_which_it_s
         begins = (np.sqrt(0.91) - force) * 5
         held = solve(system, (0, begins + 3.8), {y: 0, z: 0}, parameters={e: force, h: -0.3})
         assert held.success and not len(held.ambiguities)
-        times = [event.time for event in held.events if event.switch == "D" and event.kind == "slip by tangency"]
+        times = [
+            event.time for event in held.events if event.switch == "D" and event.kind == "slip by tangency"
+        ]
         np.testing.assert_allclose(times, [begins, begins + 3.75], atol=1e-8)
         run = solve(system, (0, begins + 0.1), {y: 0, z: 0}, parameters={e: force, h: 0.3})
         assert run.success and run["z"][-1] > 0

@@ -9,7 +9,7 @@ import pytest
 import sympy as sp
 from scipy.optimize import brentq
 
-from pwsmooth import Algebraic, Disc, Event, Memory, Switch, System, Unilateral, solve
+from pwsmooth import Algebraic, Disc, Drive, Event, Memory, Switch, System, Unilateral, solve
 
 t, x, y, v, a, c, w, q = sp.symbols("t x y v a c w q", real=True)
 n, m, s, pause = (Memory(name, 0) for name in ("n", "m", "s", "pause"))
@@ -97,6 +97,19 @@ def test_an_impact_carries_a_velocity_through_zero_upward_alone():
 # ---- after an update
 
 
+def test_a_state_that_an_update_puts_on_a_switch_to_rounding_stands_on_it():
+    # x falls to 1, where it is put to 1 - 1, of either sign; from there it rises, or is held.
+    lam = Switch("lam", x)
+    to_zero = Event(x - sp.Rational(1, 2) - lam / 2, direction=-1, update={x: x - 1, n: n + 1}, name="to zero")
+    rises = System({x: 2 * n - 1}, events=[to_zero])
+    held = System({x: n / 2 - 1 - lam}, events=[Event(x - 1, update={x: x - 1, n: n + 1}, name="to zero")])
+    for start in np.random.default_rng(0).uniform(1.1, 1.9, 40):
+        run = solve(rises, (0, 1.5), {x: start, n: 0})
+        assert [event.switch for event in run.events] == ["to zero"]
+        assert run["x"][-1] == pytest.approx(2.5 - start, abs=1e-12)
+        assert [event.kind for event in solve(held, (0, 1.5), {x: start, n: 0}).events] == ["reset", "stick"]
+
+
 def test_the_unknown_of_a_surface_is_solved_after_its_update():
     # a = 2 x and x' = 1; x is put back to 0 whenever a comes to 1.
     system = System(
@@ -143,6 +156,40 @@ def test_a_surface_on_which_the_motion_has_rested_is_left_without_firing():
         for method in ("taylor", "rk"):
             run = solve(system, (0, 205), {x: 0.25, c: 0, **dict.fromkeys(other, 1)}, method=method)
             assert run["x"][-1] == pytest.approx(65.25, abs=1e-8)
+
+
+@pytest.mark.parametrize("method", ["taylor", "rk", "stiff"])
+def test_a_surface_that_jumps_off_the_zero_on_which_the_motion_rests_fires_nothing(method):
+    # It falls to 0 at w = c, rests there, and jumps up or down at w = 3; and one that comes up to 0 as it jumps down.
+    for jump in (sp.Heaviside(w - 3), -sp.Heaviside(w - 3)):
+        for direction in (0, 1, -1):
+            bell = Event(sp.Max(c - w, 0) + jump, direction=direction, update={n: n + 1}, name="bell")
+            system = System({w: 1}, events=[bell], parameters={c: 2})
+            for level in (2, 1.7, 2.3):
+                run = solve(system, (0, 4), {w: 0}, parameters={c: level}, method=method)
+                assert run.event_times(switch="bell") == pytest.approx([level] * (direction != 1), abs=1e-8)
+    for direction in (0, 1, -1):
+        bell = Event(w - 1 - sp.Heaviside(w - 1), direction=direction, update={n: n + 1}, name="bell")
+        run = solve(System({w: 1}, events=[bell]), (0, 1.4), {w: 0.5}, method=method)
+        assert run.event_times(switch="bell") == pytest.approx([0.5] * (direction != -1), abs=1e-8)
+
+
+@pytest.mark.parametrize("method", ["taylor", "rk", "stiff"])
+def test_an_update_takes_the_motion_off_a_surface_on_which_it_rests_without_firing(method):
+    # From the start on, or from w = c on, where it falls to 0; a state and a record that is held move it up or down.
+    held = sp.Symbol("held", real=True)
+    for by in (0.5, -0.5):
+        kick = Event(at=[3], update={x: x + by})
+        record = Drive([-1, 0, 2.5, 3, 5], [0, 0, 0, by, by], kind="hold")
+        for direction in (0, 1, -1):
+            for moved, drives in ((x, None), (held, {held: record})):
+                bell = Event(sp.Max(c - w, 0) + moved, direction=direction, update={n: n + 1}, name="bell")
+                rates = {w: 1, x: 0}
+                system = System(rates, time=t, events=[bell, kick], drives=drives, parameters={c: 2})
+                for level in (2, 1.7, -1):
+                    run = solve(system, (0, 4), {w: 0, x: 0}, parameters={c: level}, method=method)
+                    times = [level] * (direction != 1 and level > 0)
+                    assert run.event_times(switch="bell") == pytest.approx(times, abs=1e-8)
 
 
 def test_a_velocity_that_a_contact_has_held_leaves_0_without_firing():
@@ -322,13 +369,17 @@ def test_a_tooth_that_steps_as_an_event_strikes_lets_static_friction_go():
 
 @METHODS
 @pytest.mark.parametrize("way", [1, -1])
-@pytest.mark.parametrize("step", [sp.Heaviside(a - w), sp.Piecewise((1, a > w), (0, True)), (1 + sp.sign(a - w)) / 2])
+@pytest.mark.parametrize(
+    "step", [sp.Heaviside(a - w), sp.Piecewise((1, a > w), (0, True)), (1 + sp.sign(a - w)) / 2]
+)
 def test_a_force_that_steps_with_a_condition_on_an_unknown_lets_static_friction_go(step, way, method):
     # The break-away force is 1.089, and the force q = 3/4 until the step to 5/4: then v' = 1/4. Half of it would hold.
     lam = Switch("lam", v)
     friction = lam * (1 + (1 - lam**2))
     unknown = Algebraic(a, a + a**3 / 4 - x)
-    system = System({v: way * (q + step / 2) - friction, x: 1, w: -0.1}, parameters={q: 0.75}, algebraic=[unknown])
+    system = System(
+        {v: way * (q + step / 2) - friction, x: 1, w: -0.1}, parameters={q: 0.75}, algebraic=[unknown]
+    )
     meeting = brentq(lambda at: (1 - at / 10) + (1 - at / 10) ** 3 / 4 - at, 0, 2, xtol=1e-15)
     for force in (0.7, 0.75, 0.9):
         run = solve(system, (0, 3), {v: 0, x: 0, w: 1}, parameters={q: force}, method=method)
@@ -394,3 +445,22 @@ def test_stairs_whose_surface_jumps_as_it_comes_to_zero_stay_on_their_step(metho
     system = System({x: 1 + inner / 10 + sp.floor(inner / 2 - x + 1) / 10})
     run = solve(system, (0, 0.75 + 0.5 / 1.1 + 0.5), {x: 0.25}, method=method)
     assert run["x"][-1] == pytest.approx(2, abs=1e-9) and not run.ambiguities
+
+
+@METHODS
+@pytest.mark.parametrize("unknown", [False, True])
+def test_stairs_that_stand_in_stairs_on_both_of_whose_sides_these_are_met_let_them_hold(unknown, method):
+    # z is x - 1/4 below x = 1/2 and x - 3/4 above: 2 z - 1/2 comes to 0 and to -1 there, and is between as x is held.
+    tread = x / 2 - sp.Rational(1, 2) + sp.frac(x + sp.Rational(3, 2)) / 2
+    z = a if unknown else tread
+    rate = {x: z / 2 - c - sp.floor(2 * z - sp.Rational(1, 2)) / 4}
+    beside = Event(sp.frac(4 * x - 1) - sp.Rational(1, 2), update={n: n + 1})
+    for events in ([], [beside]):
+        unknowns = [Algebraic(a, a - tread)] if unknown else []
+        system = System(rate, algebraic=unknowns, parameters={c: 0.14}, events=events)
+        # With steps of rk surfaces that meet from above or beside an event are apart by more than rounding.
+        for start in (
+            (0.5,) if method == "rk" and events else (0.5, 0.3) if method == "rk" else (0.5, 0.3, 0.51)
+        ):
+            run = solve(system, (0, 2), {x: start})
+            assert run.success and run["x"][-1] == pytest.approx(0.5, abs=1e-12) and not run.ambiguities

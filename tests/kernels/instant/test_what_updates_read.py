@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Drive, Event, Memory, Switch, System, Unilateral, solve
+from pwsmooth import Disc, Drive, Event, Memory, Switch, System, Unilateral, solve
 
 t, x, v, T, k = sp.symbols("t x v T k", real=True)
 n, last = Memory("n", 0), Memory("last", -1)
@@ -97,3 +97,25 @@ def test_a_switch_that_a_round_carries_to_and_fro_has_the_side_of_its_end():
     system = System({x: -sp.sign(d / 2 + x - 0.125)}, time=t, events=[back], drives=table)
     run = solve(system, (0.9, 1.125), {x: 0.125 - 0.0625 - 0.1}, t_eval=[1.125])
     assert run["x"][-1] == pytest.approx(0.125 - 0.0625 - 0.25 + 0.125, abs=1e-12)
+
+
+def test_what_an_update_makes_too_strong_to_hold_is_at_its_bound_for_what_acts_next():
+    # At t = 1 the force F goes from 1/2 to 3, or with a sign to -3: 3 = lam (2 - lam^2) has a root beyond -1 alone.
+    F, w = sp.symbols("F w", real=True)
+    first, second = Memory("first", 0), Memory("second", 0)
+    lam, slip, floor = Switch("lam", v), Disc("slip", (v, w)), Unilateral(x, restitution=0)
+    for way in (1, -1):
+        grows = Event(at=[1], update={F: 3 * way})
+        noted = Event(F - 2 * way, update={first: lam, second: lam})
+        for friction in (lam, lam * (2 - lam**2)):
+            run = solve(System({v: F - friction, F: 0}, events=[grows, noted]), (0, 2), {v: 0, F: 0.5 * way})
+            assert run["first"][-1] == way
+        noted = Event(F - 2 * way, update={first: slip[0], second: slip[1]})
+        rates = {v: F - slip[0], w: F / 2 - slip[1], F: 0}
+        run = solve(System(rates, events=[grows, noted]), (0, 2), {v: 0, w: 0, F: 0.5 * way})
+        assert [run["first"][-1], run["second"][-1]] == pytest.approx(np.array([2, 1]) * way / np.sqrt(5))
+    lifts = Event(at=[1], update={F: 2})
+    noted = Event(F - 1, update={first: 1 + floor.reaction})
+    system = System({x: v, v: F - 1 + floor.reaction, F: 0}, events=[lifts, noted])
+    run = solve(system, (0, 2), {x: 0, v: 0, F: 0.5})
+    assert run["first"][-1] == 1 and run["x"][-1] == pytest.approx(0.5)

@@ -17,7 +17,7 @@ import pytest
 import sympy as sp
 from family_models import template_from
 
-from pwsmooth import Family, Outcome, Switch, System, solve
+from pwsmooth import Event, Family, Outcome, Switch, System, solve
 
 t, v, w, A, rho = sp.symbols("t v w A rho", real=True)
 lam = Switch("lam", v)
@@ -106,6 +106,19 @@ def test_a_root_is_followed_from_and_through_its_inflection():
     assert half == pytest.approx(
         math.sqrt(math.pi) * math.gamma(2 / 3) / math.gamma(7 / 6) / 2 ** (1 / 3), abs=1e-9
     )
+
+
+@pytest.mark.parametrize("tick", [0.5, 0.9, 1.0, 1.06])
+def test_a_clock_that_ends_a_step_near_a_fold_meets_no_surface_that_comes_later(tick):
+    # t = lambda (2 - lambda^2) has its fold at 1.0887, which one step would reach: it ends at the stroke before
+    y, z, level = sp.symbols("y z level", real=True)
+    ticks = Event(every=tick, update={z: z + 1})
+    rates = {v: t - lam * (2 - lam**2), y: -sp.sign(y + level), z: 0}
+    clocked = System(rates, time=t, events=[ticks], parameters={level: 1.0})
+    for reached in (1.01, 1.03, 1.07, 1.08):
+        run = solve(clocked, (0, 1.1), {v: 0, y: 0, z: 0}, parameters={level: reached})
+        assert run.event_times("stick") == pytest.approx([reached], abs=1e-12)
+        assert run["y"][-1] == pytest.approx(-reached, abs=1e-12)
 
 
 def test_a_fold_at_the_bound_is_left():
