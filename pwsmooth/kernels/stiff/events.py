@@ -244,10 +244,10 @@ def _narrow(s, coefficients, degree, t, h, j, side, lo, hi):
 
 
 @kernel
-def _rests(s, j):
-    """Whether surface j stays within rounding of 0 on the part just sampled."""
+def _rests(s, j, rounding):
+    """Whether surface j stays as near to 0 on the part just sampled."""
     for k in range(8):
-        if abs(s.values[8 * j + k]) > s.rounding[j]:
+        if abs(s.values[8 * j + k]) > rounding:
             return False
     return True
 
@@ -266,12 +266,12 @@ def next_zero(s, coefficients, degree, t, h, begin):
             s.side[j] = s.x[remembers]
         # Nothing happens to a switch whose surface rests at zero, and an event on one that does is left without firing.
         least = SMALLEST if remembers >= 0 else 0.0
-        if s.carried[j] == TIMED or s.side[j] == 0.0 or (remembers < 0 and _rests(s, j)):
+        if s.carried[j] == TIMED or s.side[j] == 0.0 or (remembers < 0 and _rests(s, j, 0.0)):
             if s.carried[j] != TIMED:
-                s.side[j] = s.passed_side[j] = 0.0 if _rests(s, j) else _sign(s.values[8 * j + 7])
+                s.side[j] = s.passed_side[j] = _sign(s.values[8 * j + 7])
             continue
         side, a, here = s.side[j], begin, False
-        if remembers >= 0 and _rests(s, j):
+        if remembers >= 0 and begin < 1.0 - NEARBY and _rests(s, j, s.rounding[j]):
             s.passed_side[j] = side
             continue
         if s.carried[j] == SILENT:
