@@ -91,17 +91,19 @@ def _lets_go(P, S, W, solved):
     """Puts multipliers that can hold no more to their bounds, and takes note of them in instant.weak; whether there are
     any.
 
-    They have been solved for and are beyond, or, not `solved`, those of switches have no root. With hidden terms a root
-    may be on the wrong side: a switch goes where its surface does at the multiplier that it had (instant.mult).
+    They have been solved for and are beyond, or, not `solved`, those of switches have no root: those that have none
+    alone, if there are such. With hidden terms a root may be on the wrong side: a switch goes where its surface does at
+    the multiplier that it had (instant.mult).
     """
     some, moves = False, False
+    alone = not solved and _have_no_root_alone(P, S, W)
     for j in range(P.m):
         if not W.mask[j]:
             continue
         if P.kind[j] == CONTACT and S.mult[j] < 0.0:
             S.mult[j] = 0.0
             W.instant.weak[j], some = 1, True
-        elif P.kind[j] < DISC and (not solved or abs(S.mult[j]) > 1.0):
+        elif P.kind[j] < DISC and (abs(S.mult[j]) > 1.0 if solved else not alone or W.instant.faint[j] != 0):
             W.instant.weak[j], some = 1, True
             if solved and P.hidden[j] == 0:
                 S.mult[j] = math.copysign(1.0, S.mult[j])
@@ -115,6 +117,28 @@ def _lets_go(P, S, W, solved):
         for j in range(P.m):
             if W.instant.weak[j] and P.kind[j] < DISC and abs(S.mult[j]) != 1.0:
                 S.mult[j] = math.copysign(1.0, W.g[j])
+    return some
+
+
+@kernel
+def _have_no_root_alone(P, S, W):
+    """Overwrites instant.faint: the switches in W.mask that have no root while the others in it stay; whether there are
+    any."""
+    some = False
+    for j in range(P.m):
+        W.instant.kept[0, j] = W.mask[j]
+    for j in range(P.m):
+        W.instant.faint[j] = 0
+        if W.instant.kept[0, j] == 0 or P.kind[j] >= DISC:
+            continue
+        for k in range(P.m):
+            W.mask[k] = int(k == j or (W.instant.kept[0, k] != 0 and P.kind[k] == ALGEBRAIC))
+        if not follow(P, S, W):
+            W.instant.faint[j], some = 1, True
+        for k in range(P.m):
+            S.mult[k] = W.instant.mult[k]
+    for j in range(P.m):
+        W.mask[j] = W.instant.kept[0, j]
     return some
 
 

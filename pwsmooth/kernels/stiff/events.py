@@ -271,7 +271,7 @@ def next_zero(s, coefficients, degree, t, h, begin):
                 s.side[j] = s.passed_side[j] = _sign(s.values[8 * j + 7])
             continue
         side, a, here = s.side[j], begin, False
-        if remembers >= 0 and begin < 1.0 - NEARBY and _rests(s, j, s.rounding[j]):
+        if remembers >= 0 and (1.0 - begin) * h > NEARBY * s.unit and _rests(s, j, s.rounding[j]):
             s.passed_side[j] = side
             continue
         if s.carried[j] == SILENT:
