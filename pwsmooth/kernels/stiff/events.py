@@ -31,6 +31,7 @@ DIP = 10.0  # of the tolerance: a dip that deep, relative to its size on the ste
 DIGITS = 1e-13  # of the states: what they cannot say
 NEARBY = 1e-3  # of a step, over which the speed of a surface is taken
 TICK = 1e-15  # of the time: its rounding
+_IDLE = -1.0  # in `found`, while it is made
 STANDS = 2  # in `met`: put on the surface by an update, or resting there
 MET = 4  # in `postponed`, beside DUE: met, until switches of time alone have crossed
 ROUGH = 1e-3  # of a surface's size on the step: what the polynomial may miss at a zero
@@ -253,6 +254,25 @@ def _rests(s, j, rounding):
 
 
 @kernel
+def _is_idle(s, j):
+    """Whether surface j is not looked for on the part just sampled; its side follows where it has none.
+
+    Nothing happens to a switch whose surface rests at zero, and an event on one that does is left without firing.
+    """
+    k = s.remembers[j]
+    if s.carried[j] == TIMED:
+        return True
+    if k >= 0:
+        s.side[j] = s.x[k] if s.side[j] == 0.0 else s.side[j]
+        s.passed_side[j] = s.side[j]
+        return _rests(s, j, s.rounding[j])
+    if s.side[j] != 0.0 and not _rests(s, j, 0.0):
+        return False
+    s.side[j] = s.passed_side[j] = _sign(s.values[8 * j + 7])
+    return True
+
+
+@kernel
 def next_zero(s, coefficients, degree, t, h, begin):
     """First theta in (begin, 1] at which a watched surface passes zero in a direction that counts; else NONE.
 
@@ -261,19 +281,12 @@ def next_zero(s, coefficients, degree, t, h, begin):
     first = NONE
     sample(s, coefficients, degree, t, h, begin, 1.0)
     for j in range(s.e):
-        s.found[j], remembers = NONE, s.remembers[j]
-        if remembers >= 0 and s.side[j] == 0.0:
-            s.side[j] = s.x[remembers]
-        # Nothing happens to a switch whose surface rests at zero, and an event on one that does is left without firing.
-        least = SMALLEST if remembers >= 0 else 0.0
-        if s.carried[j] == TIMED or s.side[j] == 0.0 or (remembers < 0 and _rests(s, j, 0.0)):
-            if s.carried[j] != TIMED:
-                s.side[j] = s.passed_side[j] = _sign(s.values[8 * j + 7])
+        s.found[j] = _IDLE if _is_idle(s, j) else NONE
+    for j in range(s.e):
+        if s.found[j] == _IDLE:
+            s.found[j] = NONE
             continue
-        side, a, here = s.side[j], begin, False
-        if remembers >= 0 and (1.0 - begin) * h > NEARBY * s.unit and _rests(s, j, s.rounding[j]):
-            s.passed_side[j] = side
-            continue
+        side, a, here, least = s.side[j], begin, False, SMALLEST if s.remembers[j] >= 0 else 0.0
         if s.carried[j] == SILENT:
             s.found[j], s.passed_side[j] = _comes_to_zero(s, coefficients, degree, t, h, j, side, a), side
             first = min(first, s.found[j])
