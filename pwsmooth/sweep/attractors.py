@@ -9,7 +9,7 @@ has to show: with d its distance from the orbit on the section, D the derivative
 
 it has to fall by half of that at least at every step of a window (Lyapunov's function of the orbit, Stein's equation).
 
-Chain: sweep, analysis/orbits/finding.py -> **attractors** -> basins.py.
+Chain: sweep, analysis/orbits/finding.py, kinds.py -> **attractors** -> basins.py.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from ..analysis.maps.sections import Section
 from ..analysis.orbits.finding import refine
 from ..analysis.orbits.periodic_orbit import PeriodicOrbit
 from ..results.records import Outcome
+from .kinds import rests
 from .plan import NO_RETURN, why_not
 
 #: Label of a start whose trajectory had not become periodic.
@@ -256,7 +257,8 @@ class Attractors:
         """The attractor to which Newton's method leads from a point; or None, and what the orbit there lacks."""
         orbit = refine(replace(self.map, count=count), at)
         if not orbit.success:
-            return None, f"rest: {orbit.message}" if " rest" in orbit.message else ""
+            still = " rest" in orbit.message or (isinstance(self.map, Section) and rests(self.map, orbit.x))
+            return None, f"rest: {orbit.message}" if still else ""
         if orbit.rest and not orbit.stable:
             return None, "rest: it stands still, and so does what starts beside it, elsewhere."
         if orbit.stable:

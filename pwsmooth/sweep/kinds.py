@@ -6,7 +6,7 @@
     rest            the motion stands still, and so does not return to a section
     not settled     none of these is sure
 
-Chain: attractors.py, analysis/lyapunov.py -> **kinds** -> basins.py.
+Chain: analysis/lyapunov.py -> **kinds** -> attractors.py, basins.py.
 """
 
 from __future__ import annotations

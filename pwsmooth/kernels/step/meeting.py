@@ -21,6 +21,8 @@ _LEAST = 1e-3  # of its tolerance: the rounding of a state that is a surface, wh
 _ROUNDING = 1e-13  # of what the terms of a series add up to
 _ROUNDING_OF_A_FIT = 1e-12  # of a lambda near 1 in the terms of the pair's fit: 2^-53 times some thousands
 _ROUNDING_OF_A_SERIES = 1e-14
+_FOLLOWED = 100.0  # roundings, to which stages of the pair solve for multipliers
+_STANDS = 1e-13  # of the largest that a surface has been
 _TOUCHES = 4  # orders to which a surface or a bound may be touched where a step begins, but for exact zeros
 _BEFORE = 1e-6  # of a step
 _AT_ONSET = 1e-3  # of a step: as near to its beginning as a defect makes a zero
@@ -185,6 +187,15 @@ def is_clocked(C, j):
     return len(C.clock_side) > 0 and C.clock_side[j] != 0
 
 
+@inlined_kernel
+def _begins_on(P, S, W, i):
+    """Whether the step begins on surface i: it has been met, or what has been met there has put the states on it."""
+    row = surface_rows(P, W.step.kind)[i]
+    if row < 0 or (i < P.m and S.status[i] == SOLVED):
+        return False
+    return S.deflate[i] != 0 or abs(W.step.rows[row, 0]) <= _STANDS * W.meeting.widest[i]
+
+
 @kernel
 def _note_rounding(P, S, W):
     """Overwrites meeting.rounding: what roundings may make of each surface on which the step begins, 0 of others.
@@ -192,10 +203,11 @@ def _note_rounding(P, S, W):
     While what is solved for holds the motion they are those of what the surface is made of and of all that adds up to
     the rates. A fit makes of the roundings of its nodes some thousands of them.
     """
-    begins, holds, part = False, False, _ROUNDING_OF_A_FIT if P.pair != 0 else _ROUNDING_OF_A_SERIES
+    begins, holds = False, False
+    part, followed = (_ROUNDING_OF_A_FIT, _FOLLOWED) if P.pair != 0 else (_ROUNDING_OF_A_SERIES, 1.0)
     for i in range(P.m + P.ne):
         W.meeting.rounding[i] = 0.0
-        begins = begins or (S.deflate[i] != 0 and (i >= P.m or S.status[i] != SOLVED))
+        begins = begins or _begins_on(P, S, W, i)
     for j in range(P.m if begins else 0):
         holds = holds or (S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC)
     if not holds:
@@ -203,10 +215,10 @@ def _note_rounding(P, S, W):
     sum_terms(P, S, W)
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     for i in range(P.m + P.ne):
-        if S.deflate[i] != 0:
+        if _begins_on(P, S, W, i):
             size = surface_size(P, S, i, W)
             for e in range(P.dh_row[i], P.dh_row[i + 1]):
-                size += W.step.length * abs(W.dh[e]) * W.terms[P.dh_col[e]]
+                size += followed * W.step.length * abs(W.dh[e]) * W.terms[P.dh_col[e]]
             if size < math.inf:
                 W.meeting.rounding[i] = part * size
 

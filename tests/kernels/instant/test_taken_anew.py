@@ -174,6 +174,26 @@ def test_a_surface_that_jumps_off_the_zero_on_which_the_motion_rests_fires_nothi
         assert run.event_times(switch="bell") == pytest.approx([0.5] * (direction != -1), abs=1e-8)
 
 
+@pytest.mark.parametrize("unit", [1, 1e6, 1e-6])
+@METHODS
+def test_what_several_frictions_hold_on_the_surface_of_an_event_fires_nothing(method, unit):
+    # Three signs hold x = y = w at 1/2, where the events stand; from t1 on all rise alike.
+    def rate(one, other):
+        drive = (
+            sp.sin(2 * t + 0.25) / 2 + sp.Rational(3, 10) - sp.sign(one / unit - other / unit / 2 - 0.25) * 0.75
+        )
+        return unit * drive + (x + y + w) / 6 - one / 2
+
+    bells = [Event(z - unit / 2, direction=-1, update={z: -z / 2}, name=f"bell {z}") for z in (x, y, w)]
+    system = System({x: rate(x, y), y: rate(y, w), w: rate(w, x)}, time=t, events=bells)
+    for start in ([-0.25, -0.25, 0], [0.1, 0.2, 0.3], [0.45, 0.45, 0.45], [-0.3, 0.1, 0.5]):
+        run = solve(system, (2, 4), dict(zip((x, y, w), np.multiply(unit, start))), method=method)
+        assert run.success and not [e for e in run.events if e.kind == "reset"]
+        t1 = np.pi + (np.arcsin(0.9) - 0.25) / 2
+        z = 0.5 + (np.cos(2 * t1 + 0.25) - np.cos(8.25)) / 4 - 0.45 * (4 - t1)
+        assert run.x[:, -1] / unit == pytest.approx([z] * 3, abs=1e-8)
+
+
 @pytest.mark.parametrize("method", ["taylor", "rk", "stiff"])
 def test_an_update_takes_the_motion_off_a_surface_on_which_it_rests_without_firing(method):
     # From the start on, or from w = c on, where it falls to 0; a state and a record that is held move it up or down.
