@@ -36,6 +36,7 @@ from ..surface.vector import begins
 
 _HIGHEST = 7  # order with which a surface is left
 _ROUNDING = 1e-13  # of the states and what they change by
+_SMALL = 1e-6  # of the states in a unit of time: a speed that may be rounding
 MOMENT = 1e-6  # of the unit of time
 _AT_BOUND = 1e-9  # of lambda
 FAINT = 1e-3  # of the strength of a friction a moment later: what is as small now only begins to grow
@@ -97,15 +98,20 @@ def residual(P, S, W, j, lam):
 
 @kernel
 def approach_speed(P, S, j, W):
-    """dh_j/dt with the present field; leaves in W.instant.rest_speed the size at which it is rounding."""
-    sum_terms(P, S, W)
-    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
-    speed = W.dh[P.dh_row[P.m + P.ne] + j]
-    terms, per_time = abs(speed), 1.0 / pace(S)
+    """dh_j/dt with the present field; leaves in W.instant.rest_speed the size at which it is rounding: of what its terms
+    add up to, which is looked at where the speed is small beside the states."""
+    evaluate_surfaces(P, S, W)
+    speed, per_time = W.dh[P.dh_row[P.m + P.ne] + j], 1.0 / pace(S)
+    terms = abs(speed) + per_time
     for e in range(P.dh_row[j], P.dh_row[j + 1]):
-        speed += W.dh[e] * W.dx[P.dh_col[e]]
-        terms += abs(W.dh[e]) * (W.terms[P.dh_col[e]] + per_time * W.size[P.dh_col[e]])
-    W.instant.rest_speed = _ROUNDING * (terms + per_time)
+        part = W.dh[e] * W.dx[P.dh_col[e]]
+        speed += part
+        terms += abs(part) + abs(W.dh[e]) * per_time * W.size[P.dh_col[e]]
+    if abs(speed) <= _SMALL * terms:
+        sum_terms(P, S, W)
+        for e in range(P.dh_row[j], P.dh_row[j + 1]):
+            terms += abs(W.dh[e]) * W.terms[P.dh_col[e]]
+    W.instant.rest_speed = _ROUNDING * terms
     return speed
 
 
