@@ -45,7 +45,7 @@ from .surface_rates import any_kind, approach_speed, evaluate_surfaces
 
 _MOST_INSIDE = 1e-9  # of the states and their way: what one may be moved by
 _TICK = 1e-15  # of the time: its rounding
-BETWEEN = 0.3  # of a multiplier: stairs that are met on both of its sides are not met there
+BETWEEN = 0.3  # a multiplier inside (-1, 1): stairs that have a step at both of its sides have none here
 _OF_A_STEP = 1e-8  # by so much at most the series of a step tells an instant too late or too early
 
 

@@ -36,7 +36,7 @@ from ..surface.vector import begins
 
 _HIGHEST = 7  # order with which a surface is left
 _ROUNDING = 1e-13  # of the states and what they change by
-_SMALL = 1e-6  # of the states in a unit of time: a speed that may be rounding
+_SMALL = 1e-6  # of the size of the states over a unit of time: a speed as small may be rounding
 MOMENT = 1e-6  # of the unit of time
 _AT_BOUND = 1e-9  # of lambda
 FAINT = 1e-3  # of the strength of a friction a moment later: what is as small now only begins to grow

@@ -250,7 +250,7 @@ def gather(A, P, C, S, W, t):
             P.p[E.p_fixed[b] + E.p_blocks[b] * places + k] = A.p[i, b]
         for b in range(E.ns):
             S.x[b * places + k] = state_at(A, i, b, t, K)
-            W.size[b * places + k] = 0.0
+            W.size[b * places + k] = abs(S.x[b * places + k])
         known = again or t - A.begun[i] <= _JUST_NOW * at_once_within(t, A.length[i])
         for b in range(E.nm):
             j = number_of(E, b, M, k)
@@ -286,7 +286,7 @@ def gather(A, P, C, S, W, t):
             row = W.step.rows[b * places + k]
             shifted(A, A.row[i, b], t - A.begun[i], K, row)
             S.x[b * places + k] = row[0]
-            W.size[b * places + k] = 0.0
+            W.size[b * places + k] = abs(row[0])
             W.dx[b * places + k] = row[1]  # the generated rates are those of the members
     if some:
         _keep_on_surfaces(A, P, S, W)

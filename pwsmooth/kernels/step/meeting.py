@@ -20,9 +20,9 @@ from .steps import REACH, SURFACE_ROUNDING, dot, powers, scaled, surface_rows, v
 _LEAST = 1e-3  # of its tolerance: the rounding of a state that is a surface, where its arcs shrink
 _ROUNDING = 1e-13  # of what the terms of a series add up to
 _ROUNDING_OF_A_FIT = 1e-12  # of a lambda near 1 in the terms of the pair's fit: 2^-53 times some thousands
-_ROUNDING_OF_A_SERIES = 1e-14
-_FOLLOWED = 100.0  # roundings, to which stages of the pair solve for multipliers
-_STANDS = 1e-13  # of the largest that a surface has been
+_ROUNDING_OF_A_SERIES = 1e-14  # of what a surface is made of: the rounding of its Taylor series
+_FOLLOWED = 100.0  # times as large: the rounding of rates in which the pair has solved for multipliers
+_STANDS = 1e-13  # of the largest value that a surface has had: so near to 0 the states stand on it
 _TOUCHES = 4  # orders to which a surface or a bound may be touched where a step begins, but for exact zeros
 _BEFORE = 1e-6  # of a step
 _AT_ONSET = 1e-3  # of a step: as near to its beginning as a defect makes a zero

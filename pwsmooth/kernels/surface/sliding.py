@@ -19,7 +19,7 @@ from .sparse import entry, solve_dense, solve_masked
 # components say, where h/|h| is 0/0. Of a switch they differ from the affine form by a power of a surface that has
 # it, sqrt(|h|) of a rounding say.
 INSIDE = 1.0 - 2.0**-53
-_PART = 2.0**-26  # half of the digits
+_PART = 2.0**-26  # by which sizes are moved to see their terms: half of the digits
 
 
 @kernel
