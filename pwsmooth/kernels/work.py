@@ -104,9 +104,7 @@ class Meeting(Bundle):
     grazed: "f8[m + ne]"  # where in the step each surface is grazed, in [0, 1]; 2 = not grazed
     graze_crosses: "i8[m + ne]"  # and whether it counts as crossed
     widest: "f8[m + ne]"  # largest |h| of each surface so far
-    rounding: (
-        "f8[m + ne]"  # what roundings make on a step of each surface on which it begins while something is held
-    )
+    rounding: "f8[m + ne]"  # what roundings make of each surface on which a held motion begins its step
     blurred: "f8[m]"  # |h| of discs next to which 0 is not told from
     rhythm: "f8[3*m + 3*ne + 1, 2]"  # see rhythm.py
 
@@ -169,6 +167,7 @@ class Onset(Bundle):
     goal: "f8[m]"  # surfaces that a guess is to have
     forced: "i8[m]"  # discs that begin to slip and whose lambda acts on them
     slow: "i8[m]"  # discs whose slip has made explicit steps short
+    allowed: "f8[m]"  # of lambda . lambda: by how much a force may exceed the friction where a slip has been given up
     slips: "i8[m]"  # discs that slip
     size: "f8[m]"  # their |h| at a node
     columns: "i8[onset]"  # those states

@@ -255,7 +255,7 @@ def _settle_one(P, S, R, W, j, arrives):
         mask_solved(P, S, W)
         if call_newton(P.newton_unit, P, S, W) == 0:
             return Outcome.NO_ROOT
-        if S.mult[j] <= 1.0 + _BOUND:
+        if S.mult[j] <= 1.0 + max(_BOUND, W.onset.allowed[j]):
             if may_touch and _only_touches(P, S, W, j):
                 release(P, S, j)
                 _slip_on(S, R, W, j)

@@ -123,7 +123,6 @@ from .surface_rates import (
 # tolerance say so, and it slides to second order from then on. Switchings that accumulate at an instant come to it
 # with fewer.
 _MOST_MINUTE = 10_000
-_BEGINS = 1e-9  # of the speed on the far side: no speed
 
 
 @kernel
@@ -260,9 +259,9 @@ def _begins_to_leave(P, C, S, W, j):
     speed, or is led back from the other side."""
     if P.hidden[j] != 0 or abs(S.status[j]) != 1:
         return 0
-    near, far = residual(P, S, W, j, float(S.status[j])), residual(P, S, W, j, float(-S.status[j]))
-    if abs(near) > _BEGINS * abs(far):
+    if abs(approach_speed(P, S, j, W)) > W.instant.rest_speed:
         return 0
+    far = residual(P, S, W, j, float(-S.status[j]))
     order = order_of_leaving(P, C, S, W, j)
     if order * S.status[j] > 0:
         return order

@@ -21,7 +21,7 @@ _TURNS = 20.0  # of what counts as a line: how far from it a slip that is closed
 _FAST = 0.005  # of the friction: the deceleration of a slip that is closed early
 _BLURRED = 1e-10  # of what a surface is made of that is no state: its roundings are 1e-5 of such a |h|
 _FAR = 8.0  # by how much later than the last slope of |h| tells it may come to rest
-_STIFF = 4.0  # of |h| over the friction, to what explicit steps are stable
+_STIFF = 1.0  # of |h| over the friction: over a step as long the direction of the slip forgets what it was
 _LOST = 10.0  # tolerances of h: a slip that has never been more is given up after many stiff steps
 _SEEN = 5  # such steps in a row
 WORTH, PATIENCE = 20.0, 50  # explicit steps: what a collocation step costs, and until it is tried again
@@ -34,7 +34,7 @@ def is_stiff(P, S, W, h):
     that come_to_rest_in_disc has left."""
     rows, all_rows, stiff, longest = W.step.rows, surface_rows(P, W.step.kind), False, math.inf
     for j in range(P.m):
-        W.onset.slow[j] = 0
+        W.onset.slow[j], W.onset.allowed[j] = 0, 0.0
         if P.kind[j] == DISC and S.status[j] == 1:
             size = math.sqrt(at(rows[all_rows[j]], 0))
             W.onset.slow[j] = 1 if h * pull_of(P, W, j) > _STIFF * size else 0
@@ -174,7 +174,8 @@ def come_to_rest_in_disc(P, C, S, R, W, h):
             return h, j
         lost = W.onset.stiff > PATIENCE and W.meeting.widest[j] <= (_LOST * tolerance) ** 2
         if lost and h * pull_of(P, W, j) > _STIFF * math.sqrt(square):
-            # A force that is the friction to rounding makes a slip of no size, which no step follows: it begins anew.
+            # A force that is the friction to rounding makes a slip of no size, which no step follows: it is held.
+            W.onset.allowed[j] = C.rtol
             _come_from(P, S, R, W, j)
             return h, j
         if not slope < 0.0:
