@@ -289,17 +289,15 @@ def _near_rest(P, C, S, R, W, h):
         W.meeting.tau[at_rest] = 0.0
         code = _settle_again(P, C, S, R, W)
         return h, AGAIN if code == GO_ON else code
-    if math.isnan(h):
-        return h, Outcome.NOT_FINITE
     stiff, longest = is_stiff(P, S, W, h)
     if stiff and step.time_row < 0 and step.kind != PAIR:
-        W.onset.least = WORTH * h
+        W.onset.least = WORTH * h if h > 0.0 else 0.0
         longer = call_onset(P.onset_unit, P, C, S, W, min(longest, min(C.max_step, step.stop - S.t)))
-        if longer > WORTH * h:
+        if longer > W.onset.least:
             h, step.unsure = longer, 0
         else:
             h, W.onset.wait = min(h, propose_jet(P, C, S, W)), PATIENCE
-    return h, GO_ON
+    return h, Outcome.NOT_FINITE if math.isnan(h) else GO_ON
 
 
 @loop_kernel

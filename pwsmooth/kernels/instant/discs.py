@@ -260,6 +260,8 @@ def _settle_one(P, S, R, W, j, arrives):
                 release(P, S, j)
                 _slip_on(S, R, W, j)
             else:
+                if S.mult[j] > 1.0 + _BOUND:
+                    record_ambiguity(S, R, j, AMB_GRAZING, 1)
                 S.mult[j] = min(S.mult[j], INSIDE)
             return GO_ON
         release(P, S, j)

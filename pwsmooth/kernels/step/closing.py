@@ -23,6 +23,7 @@ _SLOWEST = 1e-3  # of the friction: the least deceleration that counts
 _NEARER = 1e-2  # of what is next to h = 0 within rounding: so far what does not pass by is followed
 _FADES = 0.25  # of n.G, while r falls by e: with more, as where h is only touched, n.G comes to 0 before r does
 _BENT = 1e-9  # of n.G, what that takes from it
+_ROUNDING = 1e-15  # of the friction: what roundings make of n.G, in which forces cancel
 STEADY = 0.1  # tolerances of h: what the change of n.G on the rest of the way is worth
 _PASSED = 0.5
 _FIRST = 2.0  # over dG/dlambda: a first step, after which most are straight enough
@@ -283,7 +284,8 @@ def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
         # Along a direction that it no longer leaves, and at a rate that it keeps, the rest is a line. Where it turns
         # less and less, h comes to 0 across it as well; where it turns away, what is across is by how much it misses.
         aims = not decides and turns < turned
-        angle, change = turns / (W.layer.pace * pull), abs(along - before) / (step * abs(k[0, _LOG]))
+        angle = turns / (W.layer.pace * pull)
+        change = (abs(along - before) + _ROUNDING * pull) / (step * abs(k[0, _LOG]))
         left, worth = size * math.exp(y[_LOG]), STEADY * tolerance * abs(along)
         if decides:
             straight = angle <= _STRAIGHT and angle * angle * pull <= _BENT * abs(along)

@@ -317,8 +317,9 @@ def polynomials(P, S, W, h):
 
 @kernel
 def misfit(P, C, S, W, h):
-    """The defect of the polynomials between the last two nodes, in units of the tolerance."""
-    rows, n, s, worst = W.step.rows, P.n, _BETWEEN * h, 0.0
+    """What the defect of the polynomials between the last two nodes makes of the states, in units of the tolerance: of
+    those in onset.columns by Newton's matrix, as a stiff equation leads back what leaves it."""
+    onset, rows, n, s, worst = W.onset, W.step.rows, P.n, _BETWEEN * h, 0.0
     for i in range(n):
         value = rows[i, STAGES]
         for c in range(STAGES - 1, -1, -1):
@@ -330,11 +331,19 @@ def misfit(P, C, S, W, h):
         slope = STAGES * rows[i, STAGES]
         for c in range(STAGES - 1, 0, -1):
             slope = slope * s + c * rows[i, c]
-        scale = C.atol[i] + C.rtol * max(abs(S.x[i]), h * abs(rows[i, 1]))
-        defect = (abs(slope - W.dx[i]) - _rate_rounding(W, i)) * h / (DEFECT * scale)
-        if not defect < math.inf:
+        defect = slope - W.dx[i]
+        if not abs(defect) < math.inf:
             return math.inf
-        worst = max(worst, defect)
+        defect = math.copysign(max(abs(defect) - _rate_rounding(W, i), 0.0), defect)
+        store8(onset.change[i], 0, load8(NODES, 0) * (h * defect))
+    for c in range(onset.narrow):
+        store8(onset.rest, c * STAGES, load8(onset.change[onset.columns[c]], 0))
+    solve_inverted(onset.matrix, STAGES * onset.narrow, onset.rest, onset.found)
+    for c in range(onset.narrow):
+        onset.change[onset.columns[c], STAGES - 1] = onset.found[c * STAGES + STAGES - 1]
+    for i in range(n):
+        scale = C.atol[i] + C.rtol * max(abs(S.x[i]), h * abs(rows[i, 1]))
+        worst = max(worst, abs(onset.change[i, STAGES - 1]) / (DEFECT * scale))
     # What other sticks hold with decides when they end; that of one body is not unique until its motion says it.
     for j in range(P.m):
         if S.status[j] == SOLVED and W.onset.as_one == 0:

@@ -109,10 +109,12 @@ def _meet_bounds(P, C, S, row, power, degree, j, W):
         else:
             # lambda stands at its bound and moves by less than rtol, as at rest under exactly the largest friction: no
             # exit. So small a motion may be rounding of the series, which a step lets grow to rtol/100.
-            size = 0.0
+            size, change = 0.0, 0.0
             for k in range(degree):
                 size += abs(poly[k])
-            if size <= C.rtol:
+                change += poly[k]
+            # Of collocation the end is known, and not how the polynomial goes there.
+            if (abs(change) if W.step.kind == START else size) <= C.rtol:
                 continue
             told = _ROUNDING * size
             if P.pair != 0:

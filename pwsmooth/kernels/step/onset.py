@@ -48,9 +48,9 @@ def _go_along(P, S, W, t, tau):
 @kernel
 def _slaved(P, S, W, j):
     """Whether disc j slips in the direction that its force says: slowly, or from rest."""
-    if W.onset.goes_on:
+    if not begins(P, S, j):
         return W.onset.slow[j] != 0
-    return W.onset.rests and begins(P, S, j) and W.onset.forced[j] != 0
+    return W.onset.rests and W.onset.forced[j] != 0
 
 
 @kernel
@@ -282,7 +282,7 @@ def onset(P, C, S, W, longest):
             _guess_by_longer(P, W, h)
         else:
             for j in range(P.m):
-                if begins(P, S, j) or (start.goes_on and start.slow[j]):
+                if begins(P, S, j) or start.slow[j]:
                     S.mult[j] = INSIDE
             _guess(P, S, W, h)
         for j in range(P.m):

@@ -24,6 +24,7 @@ _FAR = 8.0  # by how much later than the last slope of |h| tells it may come to 
 _STIFF = 1.0  # of |h| over the friction: over a step as long the direction of the slip forgets what it was
 _LOST = 10.0  # tolerances of h: a slip that has never been more is given up after many stiff steps
 _SEEN = 5  # such steps in a row
+_LEAST = 1e-13  # of the time: an explicit step as short is none
 WORTH, PATIENCE = 20.0, 50  # explicit steps: what a collocation step costs, and until it is tried again
 _LEAST_LEFT, _MOST_LEFT = 1e-3, 0.1  # of the time to rest, by a step towards it
 
@@ -33,6 +34,10 @@ def is_stiff(P, S, W, h):
     """(Whether explicit steps have been as short as a slow slip makes them, for how long it stays slow), by the slopes
     that come_to_rest_in_disc has left."""
     rows, all_rows, stiff, longest = W.step.rows, surface_rows(P, W.step.kind), False, math.inf
+    least = _LEAST * time_size(S)
+    none = not h > least  # also where the series are no numbers
+    if none:
+        h = least
     for j in range(P.m):
         W.onset.slow[j], W.onset.allowed[j] = 0, 0.0
         if P.kind[j] == DISC and S.status[j] == 1:
@@ -40,17 +45,17 @@ def is_stiff(P, S, W, h):
             W.onset.slow[j] = 1 if h * pull_of(P, W, j) > _STIFF * size else 0
             stiff = stiff or W.onset.slow[j] != 0
     W.onset.stiff = W.onset.stiff + 1 if stiff else 0
-    if W.onset.wait > 0:
+    if W.onset.wait > 0 and not none:
         W.onset.wait -= 1
         return False, longest
-    if W.onset.stiff <= _SEEN:
+    if W.onset.stiff <= (0 if none else _SEEN):
         return False, longest
     for j in range(P.m):
         if P.kind[j] == DISC and S.status[j] == 1:
             square, slope, bend = at(rows[all_rows[j]], 0), at(rows[all_rows[j]], 1), at(rows[all_rows[j]], 2)
             longest = min(longest, 4.0 * square / (abs(slope) + 1e-300))
             longest = min(longest, math.sqrt(4.0 * square / (abs(bend) + 1e-300)))
-    return longest > WORTH * h, longest
+    return not longest <= WORTH * h, longest if longest < math.inf else math.inf
 
 
 @kernel
@@ -168,14 +173,12 @@ def come_to_rest_in_disc(P, C, S, R, W, h):
             first += at(rows[all_rows[k]], 1) ** 2
         early, late, tolerance = _near_rest(P, C, S, W, j)
         blurred = square <= W.meeting.blurred[j] ** 2 and square < W.meeting.widest[j]
-        if blurred or square <= ticks * ticks * first:
-            # Nearer than h or the clock tells, on its way to rest or past it.
-            _come_from(P, S, R, W, j)
-            return h, j
         lost = W.onset.stiff > PATIENCE and W.meeting.widest[j] <= (_LOST * tolerance) ** 2
-        if lost and h * pull_of(P, W, j) > _STIFF * math.sqrt(square):
-            # A force that is the friction to rounding makes a slip of no size, which no step follows: it is held.
-            W.onset.allowed[j] = C.rtol
+        lost = lost and h * pull_of(P, W, j) > _STIFF * math.sqrt(square)
+        if lost or blurred or square <= ticks * ticks * first:
+            # Nearer than h or the clock tells, on its way to rest or past it; or a force that is the friction to rounding
+            # makes a slip of no size, which no step follows: it is held.
+            W.onset.allowed[j] = C.rtol if lost or (blurred and W.onset.stiff > _SEEN) else 0.0
             _come_from(P, S, R, W, j)
             return h, j
         if not slope < 0.0:
