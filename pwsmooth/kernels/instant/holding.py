@@ -13,10 +13,10 @@ from ..state import AMB_REPELLING, EV_RESET, HELD, SECOND_ORDER, SLIDING, SOLVED
 from ..step.recording import record_ambiguity, record_event
 from ..surface.sliding import follow, keep_on_surface, mask_instant, mask_solved, surface_rounding
 from ..surface.sparse import entry, link
-from .surface_rates import approach_speed, evaluate_surfaces, order_of_leaving, residual
+from .surface_rates import AT_BOUND, approach_speed, evaluate_surfaces, order_of_leaving, residual
 
 _NO_SLOPE = 1e-12  # of the diagonal
-AT_BOUND = 1e-9  # a multiplier no farther beyond its bound has come to it smoothly
+_AGAIN = 2  # instants at one time: where a field vanishes, and is not rounding, its surface is not met again
 
 
 @kernel
@@ -85,7 +85,7 @@ def take_side(P, C, S, R, W, j, far, met):
             side = -far
     elif ahead < 0 and (back == 0 or max(ahead, back) < -1):
         side = -far
-    if side == 0:
+    if side == 0 or (S.stalled > _AGAIN and (back == 0 or ahead == 0)):
         S.status[j], S.mult[j] = status, mult
         return False
     if (ahead == 0 and back < -1) or (back == 0 and ahead > 1 and not met):

@@ -45,7 +45,15 @@ from ..step.meeting import is_clocked, orders_at_rest, rested_on
 from ..step.recording import put_causes_on_tape, record_ambiguity, record_event, record_point
 from ..step.singular import POLE, has_branch_point
 from ..surface.layer import LEAVE_FOLD
-from ..surface.sliding import INSIDE, keep_on_surface, surface_rounding, surface_speed, surface_tolerance
+from ..surface.sliding import (
+    INSIDE,
+    follow,
+    keep_on_surface,
+    mask_solved,
+    surface_rounding,
+    surface_speed,
+    surface_tolerance,
+)
 from ..surface.sparse import link
 from ..surface.vector import begins
 from ..work import Work
@@ -89,7 +97,6 @@ from .firing import (
 )
 from .folds import note_folds_beside
 from .holding import (
-    AT_BOUND,
     hold_beside,
     hold_instead,
     hold_second_order,
@@ -105,6 +112,7 @@ from .resting import come_to_rest, hold_by_what_jumps, rests_on_kink, stay_at_re
 from .settling import hand_over, layer_code, resettle, settle_arrivals, settle_at_rest, settle_together
 from .starting import start
 from .surface_rates import (
+    AT_BOUND,
     any_kind,
     approach_speed,
     arc_ahead,
@@ -204,11 +212,13 @@ def _arrivals(P, C, S, R, W, size, jumped, turned):
             j = instant.active[a]
             if turned and S.status[j] * approach_speed(P, S, j, W) > instant.rest_speed:
                 continue
-            if P.discs != 0:
-                order = _begins_to_leave(P, C, S, W, j)
+            if _has_no_speed(P, S, W, j):
+                order, led_back = _order_of_beginning(P, C, S, W, j)
                 if order != 0:
                     S.status[j] = 1 if order > 0 else -1
                     S.mult[j], S.deflate[j] = float(S.status[j]), -abs(order)
+                    continue
+                if led_back and _holds_at_its_bound(P, S, W, j):
                     continue
             instant.group[0] = j
             instant.arrival[0] = S.status[j]
@@ -254,18 +264,35 @@ def _arrivals(P, C, S, R, W, size, jumped, turned):
 
 
 @kernel
-def _begins_to_leave(P, C, S, W, j):
-    """As order_of_leaving, of surface j where a motion only begins, as the slip of a disc from rest; 0 where it has a
-    speed, or is led back from the other side."""
-    if P.hidden[j] != 0 or abs(S.status[j]) != 1:
-        return 0
-    if abs(approach_speed(P, S, j, W)) > W.instant.rest_speed:
-        return 0
-    far = residual(P, S, W, j, float(-S.status[j]))
-    order = order_of_leaving(P, C, S, W, j)
-    if order * S.status[j] > 0:
-        return order
-    return (1 if far > 0.0 else -1) if order * far > 0.0 else 0
+def _has_no_speed(P, S, W, j):
+    """Whether a motion only begins on surface j, as the slip of a disc from rest, or ends there as slowly as roundings
+    tell."""
+    plain = P.hidden[j] == 0 and abs(S.status[j]) == 1
+    return plain and abs(approach_speed(P, S, j, W)) <= W.instant.rest_speed
+
+
+@kernel
+def _order_of_beginning(P, C, S, W, j):
+    """(As order_of_leaving, of surface j which has no speed; whether the other side leads back to it)."""
+    far, order = residual(P, S, W, j, float(-S.status[j])), order_of_leaving(P, C, S, W, j)
+    if order * S.status[j] <= 0:
+        order = (1 if far > 0.0 else -1) if order * far > 0.0 else 0
+    return order, far * S.status[j] > 0.0
+
+
+@kernel
+def _holds_at_its_bound(P, S, W, j):
+    """Switch j, to whose surface the other side leads back, holds from here, as it is about to do with all that it has;
+    False, and nothing is changed, where that has no root."""
+    came = S.status[j]
+    S.status[j] = SOLVED
+    mask_solved(P, S, W)
+    if follow(P, S, W) and abs(S.mult[j]) <= 1.0 + AT_BOUND:
+        return True
+    S.status[j], S.mult[j] = came, float(came)
+    mask_solved(P, S, W)
+    follow(P, S, W)
+    return False
 
 
 @kernel

@@ -38,7 +38,7 @@ _HIGHEST = 7  # order with which a surface is left
 _ROUNDING = 1e-13  # of the states and what they change by
 _SMALL = 1e-6  # of the size of the states over a unit of time: a speed as small may be rounding
 MOMENT = 1e-6  # of the unit of time
-_AT_BOUND = 1e-9  # of lambda
+AT_BOUND = 1e-9  # a multiplier no farther beyond its bound has come to it smoothly
 FAINT = 1e-3  # of the strength of a friction a moment later: what is as small now only begins to grow
 
 
@@ -255,7 +255,7 @@ def _is_borne(P, S, W, j, lam):
     borne = follow(P, S, W)
     for i in range(P.m):
         if S.status[i] == SOLVED and P.kind[i] <= DISC:
-            borne = borne and abs(S.mult[i]) <= max(1.0 - _AT_BOUND, abs(W.arc.mult_before[i]) + _AT_BOUND)
+            borne = borne and abs(S.mult[i]) <= max(1.0 - AT_BOUND, abs(W.arc.mult_before[i]) + AT_BOUND)
     for i in range(P.m):
         S.mult[i] = W.arc.mult_before[i]
     S.mult[j] = keep

@@ -56,8 +56,10 @@ def is_stiff(P, S, W, h):
             longest = min(longest, 4.0 * square / (abs(slope) + 1e-300))
             longest = min(longest, math.sqrt(4.0 * square / (abs(bend) + 1e-300)))
     for j in range(P.m):
-        if P.kind[j] == DISC and S.status[j] == 1 and longest * pull_of(P, W, j) > _STIFF * math.sqrt(
-            at(rows[all_rows[j]], 0)
+        if (
+            P.kind[j] == DISC
+            and S.status[j] == 1
+            and longest * pull_of(P, W, j) > _STIFF * math.sqrt(at(rows[all_rows[j]], 0))
         ):
             W.onset.slow[j] = 1  # over so long a step
     return not longest <= WORTH * h, longest if longest < math.inf else math.inf
