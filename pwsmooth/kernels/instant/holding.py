@@ -16,7 +16,7 @@ from ..surface.sparse import entry, link
 from .surface_rates import AT_BOUND, approach_speed, evaluate_surfaces, order_of_leaving, residual
 
 _NO_SLOPE = 1e-12  # of the diagonal
-_AGAIN = 2  # instants at one time: where a field vanishes, and is not rounding, its surface is not met again
+AGAIN = 2  # instants at one time: where a field vanishes, and is not rounding, its surface is not met again
 
 
 @kernel
@@ -85,7 +85,7 @@ def take_side(P, C, S, R, W, j, far, met):
             side = -far
     elif ahead < 0 and (back == 0 or max(ahead, back) < -1):
         side = -far
-    if side == 0 or (S.stalled > _AGAIN and (back == 0 or ahead == 0)):
+    if side == 0 or (S.stalled > AGAIN and (back == 0 or ahead == 0)):
         S.status[j], S.mult[j] = status, mult
         return False
     if (ahead == 0 and back < -1) or (back == 0 and ahead > 1 and not met):

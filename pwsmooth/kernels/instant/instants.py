@@ -97,6 +97,7 @@ from .firing import (
 )
 from .folds import note_folds_beside
 from .holding import (
+    AGAIN,
     hold_beside,
     hold_instead,
     hold_second_order,
@@ -212,18 +213,18 @@ def _arrivals(P, C, S, R, W, size, jumped, turned):
             j = instant.active[a]
             if turned and S.status[j] * approach_speed(P, S, j, W) > instant.rest_speed:
                 continue
-            if _has_no_speed(P, S, W, j):
-                order, led_back = _order_of_beginning(P, C, S, W, j)
+            if P.discs != 0:
+                order = _begins_to_leave(P, C, S, W, j)
                 if order != 0:
                     S.status[j] = 1 if order > 0 else -1
                     S.mult[j], S.deflate[j] = float(S.status[j]), -abs(order)
-                    continue
-                if led_back and _holds_at_its_bound(P, S, W, j):
                     continue
             instant.group[0] = j
             instant.arrival[0] = S.status[j]
             one = settle_arrivals(P, S, R, W, 1)
             code = code if one == GO_ON else one
+    if code == GO_ON:
+        _hold_what_is_met_again(P, S, W, size)
     for a in range(size if len(P.contact) > 0 and code == GO_ON and not jumped else 0):
         j = instant.active[a]
         if S.status[j] == SOLVED and abs(instant.came[j]) == 1 and crosses_as_contacts_open(P, S, W, j):
@@ -265,34 +266,37 @@ def _arrivals(P, C, S, R, W, size, jumped, turned):
 
 @kernel
 def _has_no_speed(P, S, W, j):
-    """Whether a motion only begins on surface j, as the slip of a disc from rest, or ends there as slowly as roundings
-    tell."""
+    """Whether surface j is left or met as slowly as roundings tell."""
     plain = P.hidden[j] == 0 and abs(S.status[j]) == 1
     return plain and abs(approach_speed(P, S, j, W)) <= W.instant.rest_speed
 
 
 @kernel
-def _order_of_beginning(P, C, S, W, j):
-    """(As order_of_leaving, of surface j which has no speed; whether the other side leads back to it)."""
+def _begins_to_leave(P, C, S, W, j):
+    """As order_of_leaving, of surface j where a motion only begins, as the slip of a disc from rest; 0 where it has a
+    speed, or is led back from the other side."""
+    if not _has_no_speed(P, S, W, j):
+        return 0
     far, order = residual(P, S, W, j, float(-S.status[j])), order_of_leaving(P, C, S, W, j)
-    if order * S.status[j] <= 0:
-        order = (1 if far > 0.0 else -1) if order * far > 0.0 else 0
-    return order, far * S.status[j] > 0.0
+    if order * S.status[j] > 0:
+        return order
+    return (1 if far > 0.0 else -1) if order * far > 0.0 else 0
 
 
 @kernel
-def _holds_at_its_bound(P, S, W, j):
-    """Switch j, to whose surface the other side leads back, holds from here, as it is about to do with all that it has;
-    False, and nothing is changed, where that has no root."""
-    came = S.status[j]
-    S.status[j] = SOLVED
-    mask_solved(P, S, W)
-    if follow(P, S, W) and abs(S.mult[j]) <= 1.0 + AT_BOUND:
-        return True
-    S.status[j], S.mult[j] = came, float(came)
-    mask_solved(P, S, W)
-    follow(P, S, W)
-    return False
+def _hold_what_is_met_again(P, S, W, size):
+    """Of W.instant.active[:size] those hold, with all that they have, that would stay on their side once more and are
+    met again at once: their field there is rounding."""
+    for a in range(size if S.stalled > AGAIN else 0):
+        j = W.instant.active[a]
+        if S.status[j] != W.instant.came[j] or not _has_no_speed(P, S, W, j):
+            continue
+        came, S.status[j] = S.status[j], SOLVED
+        mask_solved(P, S, W)
+        if not follow(P, S, W) or abs(S.mult[j]) > 1.0 + AT_BOUND:
+            S.status[j], S.mult[j] = came, float(came)
+            mask_solved(P, S, W)
+            follow(P, S, W)
 
 
 @kernel

@@ -98,8 +98,8 @@ def residual(P, S, W, j, lam):
 
 @kernel
 def approach_speed(P, S, j, W):
-    """dh_j/dt with the present field; leaves in W.instant.rest_speed the size at which it is rounding: of what its terms
-    add up to, which is looked at where the speed is small beside the states."""
+    """dh_j/dt with the present field; leaves in W.instant.rest_speed the size at which it is rounding: of what its
+    terms add up to, which is looked at where the speed is small beside the states."""
     evaluate_surfaces(P, S, W)
     speed, per_time = W.dh[P.dh_row[P.m + P.ne] + j], 1.0 / pace(S)
     terms = abs(speed) + per_time

@@ -21,7 +21,7 @@ _TURNS = 20.0  # of what counts as a line: how far from it a slip that is closed
 _FAST = 0.005  # of the friction: the deceleration of a slip that is closed early
 _BLURRED = 1e-10  # of what a surface is made of that is no state: its roundings are 1e-5 of such a |h|
 _FAR = 8.0  # by how much later than the last slope of |h| tells it may come to rest
-_STIFF = 1.0  # of |h| over the friction: over a step as long the direction of the slip forgets what it was
+_STIFF = 2.5  # of |h| over the friction: over a step as long the direction of the slip forgets what it was
 _LOST = 10.0  # tolerances of h: a slip that has never been more is given up after many stiff steps
 _SEEN = 5  # such steps in a row
 _LEAST = 1e-13  # of the time: an explicit step as short is none
@@ -183,8 +183,8 @@ def come_to_rest_in_disc(P, C, S, R, W, h):
         lost = W.onset.stiff > PATIENCE and W.meeting.widest[j] <= (_LOST * tolerance) ** 2
         lost = lost and h * pull_of(P, W, j) > _STIFF * math.sqrt(square)
         if lost or blurred or square <= ticks * ticks * first:
-            # Nearer than h or the clock tells, on its way to rest or past it; or a force that is the friction to rounding
-            # makes a slip of no size, which no step follows: it is held.
+            # Nearer than h or the clock tells, on its way to rest or past it; or a force that is the friction to
+            # rounding makes a slip of no size, which no step follows: it is held.
             W.onset.allowed[j] = C.rtol if lost or (blurred and W.onset.stiff > _SEEN) else 0.0
             _come_from(P, S, R, W, j)
             return h, j
