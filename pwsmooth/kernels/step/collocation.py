@@ -316,6 +316,25 @@ def polynomials(P, S, W, h):
 
 
 @kernel
+def _loss_by_turning(P, W, i):
+    """What the errors in onset.change make of rate i by turning slips: of a friction a half of the angle's square."""
+    onset, loss = W.onset, 0.0
+    for j in range(P.m):
+        if P.kind[j] != DISC or not onset.slips[j]:
+            continue
+        square, steepest = 0.0, 0.0
+        for k in range(j + 1, j + 1 + P.dim[j]):
+            off = 0.0
+            for e in range(P.dh_row[k], P.dh_row[k + 1]):
+                off += W.dh[e] * onset.change[P.dh_col[e], STAGES - 1]
+            square += off * off
+        for c in range(onset.narrow):
+            steepest = max(steepest, abs(onset.slope[i, c, STAGES - 1]))
+        loss += 0.5 * steepest * square / math.sqrt(W.h[j] + 1e-300)
+    return loss
+
+
+@kernel
 def misfit(P, C, S, W, h):
     """What the defect of the polynomials between the last two nodes makes of the states, in units of the tolerance: of
     those in onset.columns by Newton's matrix, as a stiff equation leads back what leaves it."""
@@ -336,14 +355,17 @@ def misfit(P, C, S, W, h):
             return math.inf
         defect = math.copysign(max(abs(defect) - _rate_rounding(W, i), 0.0), defect)
         store8(onset.change[i], 0, load8(NODES, 0) * (h * defect))
-    for c in range(onset.narrow):
+    led_back = onset.narrow if onset.goes_on else 0
+    for c in range(led_back):
         store8(onset.rest, c * STAGES, load8(onset.change[onset.columns[c]], 0))
-    solve_inverted(onset.matrix, STAGES * onset.narrow, onset.rest, onset.found)
-    for c in range(onset.narrow):
+    if led_back > 0:
+        solve_inverted(onset.matrix, STAGES * led_back, onset.rest, onset.found)
+    for c in range(led_back):
         onset.change[onset.columns[c], STAGES - 1] = onset.found[c * STAGES + STAGES - 1]
     for i in range(n):
         scale = C.atol[i] + C.rtol * max(abs(S.x[i]), h * abs(rows[i, 1]))
-        worst = max(worst, abs(onset.change[i, STAGES - 1]) / (DEFECT * scale))
+        off = abs(onset.change[i, STAGES - 1]) + (h * _loss_by_turning(P, W, i) if led_back > 0 else 0.0)
+        worst = max(worst, off / (DEFECT * scale))
     # What other sticks hold with decides when they end; that of one body is not unique until its motion says it.
     for j in range(P.m):
         if S.status[j] == SOLVED and W.onset.as_one == 0:
