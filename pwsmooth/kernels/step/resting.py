@@ -180,7 +180,8 @@ def come_to_rest_in_disc(P, C, S, R, W, h):
             first += at(rows[all_rows[k]], 1) ** 2
         early, late, tolerance = _near_rest(P, C, S, W, j)
         blurred = square <= W.meeting.blurred[j] ** 2 and square < W.meeting.widest[j]
-        lost = W.onset.stiff > PATIENCE and W.meeting.widest[j] <= (_LOST * tolerance) ** 2
+        given_up = W.onset.stiff > (_SEEN if slope < 0.0 else PATIENCE)
+        lost = given_up and W.meeting.widest[j] <= (_LOST * tolerance) ** 2
         lost = lost and h * pull_of(P, W, j) > _STIFF * math.sqrt(square)
         if lost or blurred or square <= ticks * ticks * first:
             # Nearer than h or the clock tells, on its way to rest or past it; or a force that is the friction to
