@@ -50,6 +50,7 @@ CASES = [
 ] + [(4, 2, False, 4), (14, 0, False, 0.05), (31, 1, False, 4)]  # fmt: skip
 
 
+@pytest.mark.filterwarnings("ignore:lsoda")
 @pytest.mark.parametrize(("seed", "which", "discs", "damping"), CASES)
 def test_what_creeps_to_a_friction_that_just_holds_it_comes_to_rest(seed, which, discs, damping):
     """LSODA and a friction that begins softly are the judge: under loads near the largest friction it creeps on."""

@@ -270,8 +270,8 @@ def test_tanks_above_a_sill_come_to_one_level(method):
         pytest.param(
             "rk",
             marks=pytest.mark.xfail(
-                reason="where a flow closes with no slope the pair's interpolant may be 0 a little earlier than the motion, "
-                "by roundings that differ between processors: then the run ends as CHATTERING",
+                reason="where a flow closes with no slope the pair's interpolant may be 0 a little earlier than the "
+                "motion, by roundings that differ between processors: then the run ends as CHATTERING",
                 strict=False,
             ),
         ),
