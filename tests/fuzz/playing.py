@@ -1,0 +1,111 @@
+"""All cases of a structure are played, here or in other processes.
+
+Chain: the fuzzers -> **playing** -> __main__.py.
+"""
+
+from __future__ import annotations
+
+import gc
+import importlib
+import multiprocessing
+import multiprocessing.connection
+import time
+from collections import Counter
+
+from . import judging
+
+SLOW = 5.0  # seconds of a case that are reported
+DIED = "the process died"  # in machine code
+
+
+def one_structure(name, seed, number, cases, died=(), note=lambda case: None):
+    """Counts and failures of one structure's cases, as JSON has them.
+
+    Of the cases that `died` another process has; of each other one `note` is told before it is played.
+    """
+    judging.spent()
+    module = importlib.import_module(f".{name}", __package__)
+    counts, failures, slow, too_slow, examples = Counter(), [], [], [], {}
+    key = seed * 100_000 + number
+    try:
+        played = getattr(module, "compiled", judging.compiled)(module, key)
+    except Exception as error:  # a model that the package refuses to build is a finding
+        return of_no_case(key, cases, f"structure raised {type(error).__name__}: {error}")
+    play = getattr(module, "play", judging.play)
+    for i in range(cases):
+        before = time.monotonic()
+        if key * 1000 + i in died:
+            verdict = judging.Verdict(judging.WRONG, DIED)
+        else:
+            note(key * 1000 + i)
+            verdict = play(played, key * 1000 + i)
+        what = " ".join(filter(None, (verdict.kind, verdict.reason)))[:60]
+        counts[what] += 1
+        if verdict.kind != judging.RIGHT:
+            examples.setdefault(what, [key, key * 1000 + i])
+        if verdict.kind == judging.WRONG:
+            failures.append([key, key * 1000 + i, verdict.reason, verdict.error, verdict.tags])
+        if verdict.reason == judging.TOO_SLOW:
+            too_slow.append([key, key * 1000 + i])
+        if time.monotonic() - before > SLOW and i:
+            slow.append([key, key * 1000 + i, round(time.monotonic() - before, 1)])
+    return {"structure": number, "counts": counts, "failures": failures, "slow": slow, "too slow": too_slow,
+            "examples": examples, "parts": judging.spent()}  # fmt: skip
+
+
+def of_no_case(key, cases, text):
+    """What is found in a structure of which no case can be played."""
+    return {"structure": key % 100_000, "counts": {judging.WRONG: cases}, "failures": [[key, -1, text[:300], 0, 0]],
+            "parts": judging.spent()}  # fmt: skip
+
+
+def _work(pipe):
+    collect_seldom()
+    while arguments := pipe.recv():
+        pipe.send((True, one_structure(*arguments, note=lambda case: pipe.send((False, case)))))
+
+
+def played_apart(left, jobs):
+    """What is found in structures that are played by other processes; one that dies is a finding, and is replaced."""
+    context = multiprocessing.get_context("spawn")
+    waiting, working = list(left)[::-1], {}
+    died = {arguments: [] for arguments in left}
+
+    def start(pipe=None, worker=None):
+        """The next structure for a worker, a new one if none is given."""
+        if worker is None:
+            pipe, end = context.Pipe()
+            worker = context.Process(target=_work, args=[end], daemon=True)
+            worker.start()
+            end.close()
+        working[pipe] = worker, waiting.pop(), None
+        pipe.send((*working[pipe][1], died[working[pipe][1]]))
+
+    while waiting or working:
+        while waiting and len(working) < jobs:
+            start()
+        for pipe in multiprocessing.connection.wait(list(working)):
+            worker, arguments, case = working.pop(pipe)
+            try:
+                finished, found = pipe.recv()
+            except (EOFError, ConnectionError):
+                worker.join()
+                if case is None:
+                    yield of_no_case(arguments[1] * 100_000 + arguments[2], arguments[3], f"structure: {DIED}")
+                else:
+                    died[arguments].append(case)
+                    waiting.append(arguments)
+                continue
+            if not finished:
+                working[pipe] = worker, arguments, found
+                continue
+            yield found
+            if waiting:
+                start(pipe, worker)
+            else:
+                pipe.send(None)
+
+
+def collect_seldom():
+    """What is made here are expressions and programs, millions of objects and hardly a circle of them."""
+    gc.set_threshold(200_000, 20, 20)
