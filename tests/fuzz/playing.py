@@ -16,6 +16,7 @@ from . import judging
 
 SLOW = 5.0  # seconds of a case that are reported
 DIED = "the process died"  # in machine code
+MOST = 150  # structures of a process, of which each leaves some megabytes behind
 
 
 def one_structure(name, seed, number, cases, died=(), note=lambda case: None):
@@ -71,21 +72,21 @@ def played_apart(left, jobs):
     waiting, working = list(left)[::-1], {}
     died = {arguments: [] for arguments in left}
 
-    def start(pipe=None, worker=None):
-        """The next structure for a worker, a new one if none is given."""
-        if worker is None:
+    def start(pipe, worker, played):
+        """The next structure for a worker that has played so many."""
+        arguments = waiting.pop()
+        working[pipe] = worker, played, arguments, None
+        pipe.send((*arguments, died[arguments]))
+
+    while waiting or working:
+        while waiting and len(working) < jobs:
             pipe, end = context.Pipe()
             worker = context.Process(target=_work, args=[end], daemon=True)
             worker.start()
             end.close()
-        working[pipe] = worker, waiting.pop(), None
-        pipe.send((*working[pipe][1], died[working[pipe][1]]))
-
-    while waiting or working:
-        while waiting and len(working) < jobs:
-            start()
+            start(pipe, worker, 0)
         for pipe in multiprocessing.connection.wait(list(working)):
-            worker, arguments, case = working.pop(pipe)
+            worker, played, arguments, case = working.pop(pipe)
             try:
                 finished, found = pipe.recv()
             except (EOFError, ConnectionError):
@@ -97,11 +98,11 @@ def played_apart(left, jobs):
                     waiting.append(arguments)
                 continue
             if not finished:
-                working[pipe] = worker, arguments, found
+                working[pipe] = worker, played, arguments, found
                 continue
             yield found
-            if waiting:
-                start(pipe, worker)
+            if waiting and played < MOST:
+                start(pipe, worker, played + 1)
             else:
                 pipe.send(None)
 
