@@ -53,7 +53,7 @@ class Tally:
     counts: Counter = field(default_factory=Counter)
     failures: list = field(default_factory=list)
     examples: dict = field(default_factory=dict)
-    too_slow: list = field(default_factory=list)  # (structure, case) that the reference gives up
+    too_slow: list = field(default_factory=list)  # (structure, case) that were given up
     seconds: Counter = field(default_factory=Counter)
 
     def add(self, found):
@@ -83,7 +83,7 @@ class Tally:
                 )
                 lines.append(f"{n:12d}  {what.removeprefix(kind).strip() or kind}{shown}")
         if self.too_slow:
-            lines.append(f"{judging.TOO_SLOW}, --show: {', '.join(f'{k} {i}' for k, i in self.too_slow)}")
+            lines.append(f"too slow, --show: {', '.join(f'{k} {i}' for k, i in self.too_slow)}")
         return "\n".join(lines)
 
 
