@@ -230,6 +230,7 @@ class ModelsByValues:
 
     def __init__(self, field, model):
         self._field, self._models, self._here = field, {None: model}, _holding(field)
+        self._last: tuple[tuple[float, ...], Model] | None = None
 
     @classmethod
     def where_they_tell(cls, field, model):
@@ -244,7 +245,12 @@ class ModelsByValues:
 
     def at(self, parameters):
         """The model in which switches can hold that can at these values, or that of the field if it lets them."""
-        there = replace(self._field, typical=tuple(parameters[p] for p in self._field.parameters))
+        values = tuple(parameters[p] for p in self._field.parameters)
+        if self._last is None or self._last[0] != values:
+            self._last = values, self._at(replace(self._field, typical=values))
+        return self._last[1]
+
+    def _at(self, there):
         if (holding := _holding(there)) <= self._here:
             return self._models[None]
         if holding not in self._models:

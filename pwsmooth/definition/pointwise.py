@@ -8,8 +8,9 @@ every process comes to the same lowered model.
 from __future__ import annotations
 
 import math
+import operator
 import random
-from functools import lru_cache
+from functools import lru_cache, partial
 from types import SimpleNamespace
 
 import mpmath
@@ -50,41 +51,56 @@ def value(expr, point):
 
 
 def _value(e, point, numbers=_FLOATS):
+    return numbers.function(e)(point)
+
+
+def _function(e, numbers):
+    """The function point -> value of an expression; branches that no point takes are never looked into."""
     if e.is_Symbol:
-        return point[e]
-    if e.is_Number or e.is_NumberSymbol:
-        return numbers.of(e)
-    if e.is_Add:
-        return numbers.fsum(_value(a, point, numbers) for a in e.args)
-    if e.is_Mul:
-        return numbers.prod(_value(a, point, numbers) for a in e.args)
-    if e.is_Pow:
-        base, exponent = (_value(a, point, numbers) for a in e.args)
-        if base < 0 and exponent != int(exponent):
-            if base < -ROUNDING:
-                raise ValueError("a power of a negative number")
-            base = 0.0 * base
-        return base**exponent
+        return operator.itemgetter(e)
+    if e.is_Number or e.is_NumberSymbol or isinstance(e, Entry):
+        constant = draw(sp.Symbol(str(e)), 0) if isinstance(e, Entry) else numbers.of(e)
+        return lambda point: constant
     if isinstance(e, Select):
-        lam = _value(e.args[0], point, numbers)
-        if lam == 1:
-            return _value(e.args[1], point, numbers)
-        if lam == -1:
-            return _value(e.args[2], point, numbers)
-        above, below = (_value(a, point, numbers) for a in e.args[1:])
-        return ((1 + lam) * above + (1 - lam) * below) / 2
-    if isinstance(e, Entry):
-        return draw(sp.Symbol(str(e)), 0)
-    if isinstance(e, Whole):
-        return numbers.floor(_value(e.args[0], point, numbers) + 0.5)
+        return lambda point: _selected(*e.args, point, numbers)
     if isinstance(e, sp.Piecewise):
-        branch = next(branch for branch, condition in e.args if holds(condition, point, numbers))
-        return _value(branch, point, numbers)
-    if e.func.__name__ in _NAMES:
-        return getattr(numbers, e.func.__name__)(*(_value(a, point, numbers) for a in e.args))
-    return numbers.of(
-        e.xreplace({s: sp.Float(point[s], numbers.digits) for s in e.free_symbols}).evalf(numbers.digits)
-    )
+        return lambda point: _value(
+            next(branch for branch, condition in e.args if holds(condition, point, numbers)), point, numbers
+        )
+    if not (e.is_Add or e.is_Mul or e.is_Pow or isinstance(e, Whole) or e.func.__name__ in _NAMES):
+        return lambda point: numbers.of(
+            e.xreplace({s: sp.Float(point[s], numbers.digits) for s in e.free_symbols}).evalf(numbers.digits)
+        )
+    parts = [numbers.function(a) for a in e.args]
+    if e.is_Add or e.is_Mul:
+        of_all = numbers.fsum if e.is_Add else numbers.prod
+        return lambda point: of_all([part(point) for part in parts])
+    if e.is_Pow:
+        base, exponent = parts
+        return lambda point: _power(base(point), exponent(point))
+    if isinstance(e, Whole):
+        (inner,) = parts
+        return lambda point: numbers.floor(inner(point) + 0.5)
+    named = getattr(numbers, e.func.__name__)
+    return lambda point: named(*[part(point) for part in parts])
+
+
+_FLOATS.function = lru_cache(maxsize=16384)(partial(_function, numbers=_FLOATS))
+
+
+def _power(base, exponent):
+    if base < 0 and exponent != int(exponent):
+        if base < -ROUNDING:
+            raise ValueError("a power of a negative number")
+        base = 0.0 * base
+    return base**exponent
+
+
+def _selected(lam, above, below, point, numbers):
+    lam = _value(lam, point, numbers)
+    if lam in (1, -1):
+        return _value(above if lam == 1 else below, point, numbers)
+    return ((1 + lam) * _value(above, point, numbers) + (1 - lam) * _value(below, point, numbers)) / 2
 
 
 def holds(condition, point, numbers=_FLOATS):
@@ -98,9 +114,16 @@ def holds(condition, point, numbers=_FLOATS):
     if isinstance(condition, sp.Not):
         return not holds(condition.args[0], point, numbers)
     if not isinstance(condition, Relational):  # ITE, Xor, Implies, ...
-        return holds(sp.to_nnf(condition, simplify=False), point, numbers)
+        return holds(_normal(condition), point, numbers)
     left, right = (_value(a, point, numbers) for a in condition.args)
-    return bool(condition.func(left, right))
+    if condition.func not in (sp.Eq, sp.Ne) and (left != left or right != right):
+        raise TypeError("nan has no order")
+    return bool(_COMPARE[condition.func](left, right))
+
+
+_COMPARE = {sp.Lt: operator.lt, sp.Le: operator.le, sp.Gt: operator.gt, sp.Ge: operator.ge, sp.Eq: operator.eq,
+            sp.Ne: operator.ne}  # fmt: skip
+_normal = lru_cache(maxsize=1024)(partial(sp.to_nnf, simplify=False))
 
 
 @lru_cache(maxsize=65536)
@@ -141,10 +164,12 @@ def _exact(nudge):
         return context.mpf(repr(float(e))) * (1 + by * context.mpf(2) ** -52)
 
     functions = {f: getattr(context, f) for f in _NAMES}
-    return SimpleNamespace(
+    numbers = SimpleNamespace(
         of=number, digits=_DIGITS, fsum=context.fsum, prod=context.fprod, floor=context.floor, mpf=context.mpf,
         **functions,
     )  # fmt: skip
+    numbers.function = lru_cache(maxsize=1024)(partial(_function, numbers=numbers))
+    return numbers
 
 
 def factor_between(h, other):

@@ -144,18 +144,14 @@ class Surface:
         there are any: of `t > 5` points of size 1 know one side alone.
         """
         fixed = self.h.free_symbols.union(*(h.free_symbols for _, h in self.inner))
-        others = [(lam, h) for lam, h in self.switches if (lam, h) not in self.inner and lam != self.lam]
-        free = {
-            c for _, h in others for c in (*self.field.states, self.field.time) if c in h.free_symbols - fixed
-        }
+        others = [(h, h.free_symbols) for s, h in self.switches if (s, h) not in self.inner and s != self.lam]
+        free = {c for _, among in others for c in (*self.field.states, self.field.time) if c in among - fixed}
         moved = []
         for k, (beside, on) in enumerate(self.points * 4):
             shift = {}
             for c in sorted(free, key=str):
                 steps = random.Random(f"{c} {k}")
-                roots = sorted(
-                    r for _, h in others if c in h.free_symbols and math.isfinite(r := _root(h, on, c))
-                )
+                roots = sorted(r for h, among in others if c in among and math.isfinite(r := _root(h, on, c)))
                 if roots:
                     ends = roots[0] - 1 - abs(roots[0]), roots[-1] + 1 + abs(roots[-1])
                     shift[c] = steps.choice(

@@ -1,6 +1,6 @@
 """python -m tests.fuzz NAME --cases N --structures K --seed S --resume FILE: counts verdicts, keeps failing seeds.
 
-Chain: the fuzzers -> __main__.py.
+Chain: the fuzzers -> playing.py -> __main__.py.
 """
 
 from __future__ import annotations
@@ -8,13 +8,13 @@ from __future__ import annotations
 import argparse
 import importlib
 import json
-import multiprocessing
 import sys
-import time
 from collections import Counter
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from . import judging, planted
+from .playing import one_structure, played_apart
 
 NAMES = (
     "affine",
@@ -33,82 +33,87 @@ NAMES = (
     "compose",
 )
 OF_DERIVATIVES = ("slopes", "differences", "gradients")
-SLOW = 5.0  # seconds of a case that are reported
+KINDS = (
+    judging.WRONG,
+    judging.ILL,
+    judging.UNDECIDED,
+    judging.REFUSED,
+    "justly",
+    judging.RECORDED,
+    judging.RIGHT,
+)
+SHOWN = {judging.UNDECIDED: "not judged", "justly": "justly refused"}
 
 
-def one_structure(name, seed, number, cases):
-    """Counts and failures of one structure's cases, as JSON has them."""
-    began = time.monotonic()
-    module = importlib.import_module(f".{name}", __package__)
-    counts, failures, slow, examples = Counter(), [], [], {}
-    key = seed * 100_000 + number
-    try:
-        played = getattr(module, "compiled", judging.compiled)(module, key)
-    except Exception as error:  # a model that the package refuses to build is a finding
-        text = f"structure raised {type(error).__name__}: {error}"
-        return {
-            "structure": number,
-            "counts": {judging.WRONG: cases},
-            "failures": [[key, -1, text[:300], 0, 0]],
-        }
-    play = getattr(module, "play", judging.play)
-    for i in range(cases):
-        before = time.monotonic()
-        verdict = play(played, key * 1000 + i)
-        what = " ".join(filter(None, (verdict.kind, verdict.reason)))[:60]
-        counts[what] += 1
-        if verdict.kind != judging.RIGHT:
-            examples.setdefault(what, [key, key * 1000 + i])
-        if verdict.kind == judging.WRONG:
-            failures.append([key, key * 1000 + i, verdict.reason, verdict.error, verdict.tags])
-        if time.monotonic() - before > SLOW and i:
-            slow.append([key, key * 1000 + i, round(time.monotonic() - before, 1)])
-    return {"structure": number, "counts": counts, "failures": failures, "slow": slow, "examples": examples,
-            "seconds": time.monotonic() - began}  # fmt: skip
+@dataclass
+class Tally:
+    """What was found: counts and an example of each kind of verdict, failures, slow cases, seconds by part."""
+
+    structures: int = 0
+    counts: Counter = field(default_factory=Counter)
+    failures: list = field(default_factory=list)
+    examples: dict = field(default_factory=dict)
+    too_slow: list = field(default_factory=list)  # (structure, case) that were given up
+    seconds: Counter = field(default_factory=Counter)
+
+    def add(self, found):
+        """What was found in one structure, as JSON has it."""
+        self.structures += 1
+        self.counts.update(found["counts"])
+        self.failures += found["failures"]
+        self.too_slow += found.get("too slow", [])
+        self.examples = found.get("examples", {}) | self.examples
+        self.seconds.update(found.get("parts", {"all": found.get("seconds", 0.0)}))
+
+    def __str__(self):
+        cases, seconds = sum(self.counts.values()), sum(self.seconds.values())
+        wrong = sum(n for kind, n in self.counts.items() if kind.startswith(judging.WRONG))
+        parts = ", ".join(f"{part} {taken:.0f}" for part, taken in self.seconds.most_common())
+        lines = [
+            f"{cases} cases, {self.structures} structures, {wrong} {judging.WRONG}",
+            f"{seconds:.0f} seconds, {seconds / max(cases, 1):.3f} a case: {parts}",
+        ]
+        for kind in KINDS:
+            of_kind = [(what, n) for what, n in self.counts.most_common() if what.split()[0] == kind]
+            if of_kind:
+                lines.append(f"{sum(n for _, n in of_kind):8d}  {SHOWN.get(kind, kind)}")
+            for what, n in of_kind:
+                shown = (
+                    (" ".join(map(str, ("  --show", *self.examples[what])))) if what in self.examples else ""
+                )
+                lines.append(f"{n:12d}  {what.removeprefix(kind).strip() or kind}{shown}")
+        if self.too_slow:
+            lines.append(f"too slow, --show: {', '.join(f'{k} {i}' for k, i in self.too_slow)}")
+        return "\n".join(lines)
 
 
-def _task(arguments):
-    return one_structure(*arguments)
-
-
-def fuzz(name, cases, structures, seed, resume=None, jobs=1, numbers=None):
-    """Counts of verdicts, failures, an example of each kind; `resume` is a file with a line a structure.
+def fuzz(name, cases, structures, seed, resume=None, jobs=0, numbers=None):
+    """The Tally; `resume` is a file with a line a structure, `jobs` the number of other processes that play.
 
     `numbers` are those of the structures that are played, where not all are.
     """
     each = min(999, -(-cases // structures))
-    done = {}
+    tally, done = Tally(), set()
     if resume and Path(resume).exists():
         for line in Path(resume).read_text().splitlines():
             found = json.loads(line)
-            if found["run"] == [name, seed, each]:
-                done[found["structure"]] = found
+            if found["run"] == [name, seed, each] and found["structure"] not in done:
+                done.add(found["structure"])
+                tally.add(found)
+        print(f"done before: {tally}", flush=True)
     left = [(name, seed, k, each) for k in numbers or range(structures) if k not in done]
-    counts, failures, examples = Counter(), [], {}
-    for found in done.values():
-        counts.update(found["counts"])
-        failures += found["failures"]
-        examples = found.get("examples", {}) | examples
 
     def take(found):
-        counts.update(found["counts"])
-        failures.extend(found["failures"])
-        for what, where in found.get("examples", {}).items():
-            examples.setdefault(what, where)
+        tally.add(found)
         for item in found.get("slow", []):
             print("slow", *item, flush=True)
         if resume:
             with open(resume, "a") as file:
                 file.write(json.dumps(found | {"run": [name, seed, each]}) + "\n")
 
-    if jobs == 1:
-        for arguments in left:
-            take(_task(arguments))
-    else:
-        with multiprocessing.get_context("spawn").Pool(jobs) as pool:
-            for found in pool.imap_unordered(_task, left):
-                take(found)
-    return counts, failures, examples
+    for found in played_apart(left, jobs) if jobs else (one_structure(*arguments) for arguments in left):
+        take(found)
+    return tally
 
 
 def show(name, structure, seed):
@@ -133,7 +138,7 @@ def main(arguments=None):
     parser.add_argument("--structures", type=int, default=40)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--resume", help="file of what is done")
-    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=1, help="processes that play")
     parser.add_argument(
         "--show", nargs=2, type=int, metavar=("STRUCTURE", "CASE"), help="print a case as a script"
     )
@@ -146,17 +151,14 @@ def main(arguments=None):
     if given.show:
         print(show(given.name, *given.show))
         return 0
-    counts, failures, examples = fuzz(
-        given.name, given.cases, given.structures, given.seed, given.resume, given.jobs
-    )
-    for kind, count in counts.most_common():
-        print(f"{count:8d}  {kind}", *("--show", *examples[kind]) if kind in examples else ())
+    tally = fuzz(given.name, given.cases, given.structures, given.seed, given.resume, given.jobs)
+    print(tally)
     module = importlib.import_module(f".{given.name}", __package__)
     if hasattr(module, "table"):
         print(module.table(given.seed * 100_000 + k for k in range(given.structures)))
-    for structure, seed, reason, error, tags in failures[:20]:
+    for structure, seed, reason, error, tags in tally.failures[:20]:
         print(f"  --show {structure} {seed}: {reason}, error {error:.3g}, tags {tags}")
-    return 1 if failures else 0
+    return 1 if tally.failures else 0
 
 
 if __name__ == "__main__":

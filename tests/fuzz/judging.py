@@ -11,7 +11,10 @@ Chain: models.py -> judging.py (here) -> the fuzzers.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import time
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,8 +25,39 @@ from .models import answer
 
 RIGHT, REFUSED, RECORDED, UNDECIDED, ILL, WRONG = "right", "refused", "recorded", "undecided", "ill", "WRONG"
 
+TOO_SLOW = "reference too slow"  # the reason of a case that the reference gives up
 
 STEPS = 200_000  # more than any case of these spans needs
+
+SECONDS = Counter()  # by part of the work
+_parts, _since = ["rest"], time.monotonic()
+
+
+def _turn():
+    global _since
+    now = time.monotonic()
+    SECONDS[_parts[-1]] += now - _since
+    _since = now
+
+
+@contextlib.contextmanager
+def timed(part):
+    """Counts the seconds of what is done inside for this part, and not for the one around it."""
+    _turn()
+    _parts.append(part)
+    try:
+        yield
+    finally:
+        _turn()
+        _parts.pop()
+
+
+def spent():
+    """Seconds by part since the last call."""
+    _turn()
+    found = {part: round(seconds, 3) for part, seconds in SECONDS.items()}
+    SECONDS.clear()
+    return found
 
 
 @dataclass

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pwsmooth.paths.derivatives.of_solution import Derivatives
 from tests.fuzz import affine, invariance, judging, planted  # one name, one compile cache of the oracle
 from tests.fuzz.__main__ import NAMES, OF_DERIVATIVES, fuzz
-from tests.fuzz.compose.reference import closed_forms
+from tests.fuzz.compose import reference
 
 # Structures, cases of each, step: the short command plays every `step`-th structure, the thorough one the others.
 # Nearly all of the time goes into compiling structures.
@@ -31,14 +31,22 @@ REST = [name for name, (_, _, step) in SIZES.items() if step > 1]
 def no_case_is_wrong(name, rest):
     structures, each, step = SIZES[name]
     numbers = NUMBERS.get(name) or [k for k in range(structures) if (k % step > 0) == rest]
-    counts, failures, _ = fuzz(name, structures * each, structures, seed=7, numbers=numbers)
-    assert failures == []
-    assert sum(n for kind, n in counts.items() if kind.startswith("right")) > 0.6 * sum(counts.values())
+    tally = fuzz(name, structures * each, structures, seed=7, numbers=numbers)
+    assert tally.failures == []
+    right = sum(n for kind, n in tally.counts.items() if kind.startswith("right"))
+    assert right > 0.6 * sum(tally.counts.values())
 
 
 @pytest.mark.parametrize("name", NAMES + OF_DERIVATIVES)
 def test_no_random_case_is_silently_wrong(name):
     no_case_is_wrong(name, rest=False)
+
+
+def test_a_case_of_which_the_reference_is_too_slow_is_kept(monkeypatch):
+    monkeypatch.setattr(reference, "SECONDS", 0)
+    tally = fuzz("compose", 1, 1, seed=7, numbers=[16])
+    assert tally.too_slow == [[700016, 700016000]]
+    assert "not judged" in str(tally)
 
 
 @pytest.mark.parametrize("name", REST)
@@ -117,7 +125,7 @@ def test_the_oracle_agrees_with_matrix_exponentials():
 
 
 def test_the_reference_of_compositions_agrees_with_closed_forms():
-    for what, got, exact in closed_forms():
+    for what, got, exact in reference.closed_forms():
         assert got == pytest.approx(exact, abs=2e-7), what
 
 

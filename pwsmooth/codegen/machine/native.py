@@ -97,7 +97,8 @@ class Function:
         self.module, self.returned, self.fuses = module, callee.returned, module.fuses
         self.writer = Writer()
         self.locals: dict[str, Value] = {}  # their memory
-        self.known: dict[str, Value] = {}  # what they are at this point, where every way to it says the same
+        # What they are at this point, where every way to it says the same, else None: by branch, the innermost last.
+        self.known: list[dict[str, Value | None]] = [{}]
         self.pointers: dict[str, Value] = {}
         self.products: list[tuple[str, Product]] = []  # by the local that they were stored in
         self.loaded: set[str] = set()
@@ -119,11 +120,18 @@ class Function:
 
     # ---- locals ----
 
+    def value(self, name: str) -> Value | None:
+        """What a local is known to be."""
+        for branch in reversed(self.known):
+            if name in branch:
+                return branch[name]
+        return None
+
     def store(self, name: str, value: Value) -> None:
         place = self.locals.get(name)
         if place is None:
             place = self.locals[name] = self.writer.local(value.kind)
-        value = self.known[name] = self.cast(value, place.of)
+        value = self.known[-1][name] = self.cast(value, place.of)
         if isinstance(value, Product):
             self.products.append((name, value))
         self.writer.store(value, place)
@@ -179,19 +187,20 @@ class Function:
         then, after = self.writer.label("then"), self.writer.label("after")
         other = self.writer.label("else") if node.orelse else after
         self.writer.branch(self.expression(node.test), then, other)
-        before, ends = self.known, []
+        ends = []
         for start, body in ((then, node.body), (other, node.orelse)):
             if not body:
                 continue
             self.writer.begin(start)
-            self.known = dict(before)
+            self.known.append({})
             self.block(body)
+            branch = self.known.pop()
             if not self.writer.ended:
                 self.writer.go(after)
-                ends.append(self.known)
-        for end in ends:
-            before = {name: value for name, value in before.items() if end.get(name) is value}
-        self.known = before
+                ends.append(branch)
+        for name, value in [item for end in ends for item in end.items()]:
+            if self.value(name) is not value:
+                self.known[-1][name] = None
         self.writer.begin(after)
 
     def For(self, node):
@@ -203,9 +212,8 @@ class Function:
         counter = self.writer.local(INT)
         self.writer.store(first, counter)
         self.writer.go(test)
-        changed = _assigned([node])
-        before = {name: v for name, v in self.known.items() if name not in changed}
-        self.known = dict(before)
+        self.known[-1].update(dict.fromkeys(_assigned([node])))
+        self.known.append({})
         self.writer.begin(test)
         value = self.writer.load(counter)
         down = step.number is not None and step.number < 0
@@ -216,7 +224,7 @@ class Function:
         if not self.writer.ended:
             self.writer.store(self.writer.binary("add", self.writer.load(counter), step), counter)
             self.writer.go(test)
-        self.known = before
+        self.known.pop()
         self.writer.begin(after)
 
     # ---- expressions ----
@@ -235,10 +243,11 @@ class Function:
     def _Name(self, node):
         if node.id not in self.locals:
             return self.writer.load(self.module.sizes[node.id])
-        if node.id not in self.known:
-            self.known[node.id] = self.writer.load(self.locals[node.id])
+        value = self.value(node.id)
+        if value is None:
+            value = self.known[-1][node.id] = self.writer.load(self.locals[node.id])
             self.loaded.add(node.id)
-        return self.known[node.id]
+        return value
 
     def _Attribute(self, node):
         return double(float(node.attr))

@@ -208,14 +208,15 @@ class JetProgram:
     def _declarations(self, start: Writer, loop: Writer) -> list[str]:
         """First values of the locals that only a branch sets: some are stored or corrected outside it."""
         names = {}
-        for line in (*start.lines, *loop.lines):
-            text = line.strip()
-            name = text.split(" = ")[0]
-            deep = len(line) - len(text) > (4 if line in start.lines else 8)
-            if deep and " = " in text and name.isalnum() and name[0] in "vsrkS":
-                number = name[1:]
-                node = self.graph.nodes[int(number)].op if name[0] == "v" and number.isdigit() else ""
-                names[name] = "False" if node in ("rel", "and", "or", "not") else "0.0"
+        for lines, depth in ((start.lines, 4), (loop.lines, 8)):
+            for line in lines:
+                text = line.strip()
+                name = text.split(" = ")[0]
+                deep = len(line) - len(text) > depth
+                if deep and " = " in text and name.isalnum() and name[0] in "vsrkS":
+                    number = name[1:]
+                    node = self.graph.nodes[int(number)].op if name[0] == "v" and number.isdigit() else ""
+                    names[name] = "False" if node in ("rel", "and", "or", "not") else "0.0"
         return [f"    {name} = {first}" for name, first in sorted(names.items())]
 
     def _open_rows(self, order_k: OrderK, start: Writer) -> None:

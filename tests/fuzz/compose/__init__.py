@@ -12,15 +12,17 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import time
 from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 
+from pwsmooth.codegen.machine import clock
 from pwsmooth.paths.derivatives import NoDerivative
 
 from .. import judging
-from ..judging import ILL, RECORDED, REFUSED, RIGHT, UNDECIDED, WRONG, Verdict
+from ..judging import ILL, RECORDED, REFUSED, RIGHT, TOO_SLOW, UNDECIDED, WRONG, Verdict, timed
 from . import plain, reference, relations
 from .grammar import PIECES, Style, Writer, case, structure
 
@@ -54,7 +56,8 @@ class Structure:
 
     def system(self, style):
         if style not in self.systems:
-            self.systems[style] = relations.written(self.model, style)
+            with timed("models"):
+                self.systems[style] = relations.written(self.model, style)
         return self.systems[style]
 
 
@@ -82,7 +85,15 @@ def compiled(_, seed):
 
 def build(model):
     """A model, compiled."""
-    return Structure(model, reference.Smooth(model), {AS_IS: relations.written(model, AS_IS)})
+    built = Structure(model, answered(reference.Smooth, model), {})
+    built.system(AS_IS)
+    return built
+
+
+def answered(function, *arguments):
+    """What the reference says."""
+    with timed("reference"):
+        return function(*arguments)
 
 
 def ways(model, seed):
@@ -105,6 +116,16 @@ def ways(model, seed):
 
 def run(played, one, way):
     """One case in one way: "auto", another method, in two spans, with derivatives, or a relation."""
+    with timed("solves"):
+        began, running = time.monotonic(), clock.now()
+        found = _run(played, one, way)
+        made = time.monotonic() - began - (clock.now() - running)
+    judging.SECONDS["code"] += made  # derived and compiled in the first of the solves
+    judging.SECONDS["solves"] -= made
+    return found
+
+
+def _run(played, one, way):
     style = relations.STYLES.get(way, AS_IS)
     options = {"max_steps": 20_000, "max_seconds": 20}
     if way in ("rk", "stiff"):
@@ -123,7 +144,7 @@ def run(played, one, way):
     except ValueError:
         if way != "stiff":
             raise
-        return run(played, one, "short steps")  # what slides or has contacts has no implicit steps
+        return _run(played, one, "short steps")  # what slides or has contacts has no implicit steps
     except Exception as error:  # what a solve raises is a finding
         words = f"raised {type(error).__name__}: {error}"
         return Run(way, words[:160], False, np.full(shape, np.nan), np.nan, [])
@@ -206,7 +227,9 @@ def play(played, seed):
 
 def judge(played, one, others):
     """The verdict on the numbers of a case, run as it is and in two other ways."""
-    expected = reference.answer(played.smooth, one)
+    expected = answered(reference.answer, played.smooth, one)
+    if expected.reason == reference.TOO_SLOW:
+        return Verdict(UNDECIDED, TOO_SLOW)
     judged = int((~np.isnan(expected.values).any(axis=1)).sum())
     if "flat" in expected.marks:  # sign(0) is 0, where a Piecewise in its place is one of its branches
         method = "short steps" if played.model.discs else "rk"
@@ -247,7 +270,7 @@ def moved(played, one, expected, runs):
     k, found = runs[1].moves
     n, h = len(one.start), 1e-5
     cases = [dataclasses.replace(one, p=[v + s * h * (i == k) for i, v in enumerate(one.p)]) for s in (-1, 1)]
-    answers = [reference.answer(played.smooth, each) for each in cases]
+    answers = [answered(reference.answer, played.smooth, each) for each in cases]
     again = [run(played, each, "auto") for each in cases]
     logs = [[number for _, number in each.log] for each in (expected, *answers)]
     ends = [np.array([each.values[-1][:n] for each in two]) for two in (answers, again)]
@@ -272,7 +295,8 @@ def confirmed(played, one, expected, runs, found, k, third):
         other = other or run(played, one, third)
         if compare(one, other, expected.values, expected.end, rows).kind == RIGHT:
             return True
-    values = plain.values(played.smooth, one, since)
+    with timed("plain"):
+        values = plain.values(played.smooth, one, since)
     if values is None or rows == 0 or np.isnan(values[rows - 1]).any():
         return False
     row = rows - 1
@@ -292,7 +316,7 @@ def condition(played, one, expected, judged):
         numbers = moved.start if r.random() < 0.5 or not one.p else moved.p
         i = int(r.integers(len(numbers)))
         numbers[i] *= 1 + BY
-        other = reference.answer(played.smooth, moved).values[:judged]
+        other = answered(reference.answer, played.smooth, moved).values[:judged]
         if np.isfinite(other).all():
             found.append(float(np.max(np.abs(other - expected.values[:judged]), initial=0.0)) / BY)
     return float(np.median(found)) if found else np.inf
@@ -347,7 +371,7 @@ def script(number, seed):
 
 def program(played, one, ways_):
     """A program that shows a case."""
-    expected = reference.answer(played.smooth, one)
+    expected = answered(reference.answer, played.smooth, one)
     known = played.system(AS_IS)[1]
     span, start, options = relations.call(played.model, one, AS_IS, known, {})
     wanted = options.pop("t_eval").tolist()

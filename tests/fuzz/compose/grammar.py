@@ -442,7 +442,7 @@ def case(model, seed):
         p[offset] = 0.0
         at = value(h, Point(found.t0, start, p, model.memories, [float(d[2][2]) for d in model.drives]))
         if at is not None and at * 1024 == int(at * 1024):  # else rounding decides on which side it starts
-            p[offset], found.on = at, k
+            p[offset], found.on = float(at), k
     return found
 
 

@@ -12,17 +12,18 @@ Chain: grammar.py -> **reference** -> __init__.py.
 
 from __future__ import annotations
 
+import bisect
 import itertools
 import math
+import time
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
 from .grammar import COMPARISONS, Case, Event, Model, add, minus, mul, num, walk
+from .stepping import Steps
 
-RTOL, ATOL = 1e-11, 1e-13
 AT_ZERO = 1e-8  # a surface that is nearer to 0 at an instant is at its zero
 AHEAD = (1e-4, 3e-4)  # where the flow of an assignment is looked at
 KEPT = 1e-11  # a surface that is further from 0 there has a side
@@ -32,6 +33,8 @@ REST = 2e-7  # a slower rebound is rest
 STOP = 1e-9  # a slip in a disc that is slower has stopped
 NUDGE = 2e-7  # slip with which a disc lets go
 MOST = 400  # instants of a run that is judged
+SECONDS = 10  # of the processor, for a run that is judged
+TOO_SLOW = "reference too slow"
 
 
 class UndecidedError(Exception):
@@ -278,9 +281,16 @@ class Run:
         self.S, self.case, self.p = smooth, case, case.p
         model = smooth.model
         self.m, self.t0, self.t1 = list(model.memories), case.t0, case.instants[-1]
-        self.cells = [int(np.searchsorted(times, case.t0, "right")) - 1 for _, times, _ in model.drives]
+        self.drives = [(kind, list(map(float, times)), list(map(float, y))) for kind, times, y in model.drives]
+        self.cells = [bisect.bisect_right(times, case.t0) - 1 for _, times, _ in self.drives]
         self.answer = Answer(np.full((len(case.instants), smooth.n + len(self.m)), np.nan))
         self.clocks = self._clocks()
+        self.ends = time.thread_time() + SECONDS
+
+    def spend(self):
+        """Stops a run that takes too long."""
+        if time.thread_time() > self.ends:
+            raise UndecidedError(TOO_SLOW)
 
     def _clocks(self):
         """Sorted (time, kind, number) of all that strikes after the start."""
@@ -300,9 +310,9 @@ class Run:
     # ---- evaluation
 
     def given(self, t):
-        """Memories, drives and their slopes at t."""
+        """Parameters, memories, drives and their slopes at t."""
         d, s = [], []
-        for (kind, times, values), cell in zip(self.S.model.drives, self.cells):
+        for (kind, times, values), cell in zip(self.drives, self.cells):
             slope = 0.0
             if kind == "line":
                 slope = (values[cell + 1] - values[cell]) / (times[cell + 1] - times[cell])
@@ -367,11 +377,18 @@ class Run:
             f, r = residual(mu)
             if max(map(abs, r)) < 1e-12:
                 break
-            J = np.empty((size, size))
+            columns = []
             for i in range(size):
                 moved = list(mu)
                 moved[i] += 1.0
-                J[:, i] = np.subtract(residual(moved)[1], r)
+                columns.append([b - a for a, b in zip(r, residual(moved)[1])])
+            if size == 1:
+                slope = columns[0][0]
+                if abs(slope) < 1e-9:
+                    raise UndecidedError("singular")
+                mu = [mu[0] - r[0] / slope]
+                continue
+            J = np.array(columns).T
             if abs(np.linalg.det(J)) < 1e-9:
                 raise UndecidedError("singular")
             mu = (np.array(mu) - np.linalg.solve(J, r)).tolist()
@@ -414,9 +431,9 @@ class Run:
         top = math.sqrt((1 + rho) / (3 * rho))
         return top * (1 + rho * (1 - top * top))
 
-    def watch(self, t, y, P):
+    def watch(self, t, x, P):
         """Values whose zeros end the phase; those of events at the end, of either sign."""
-        S, x, given = self.S, y.tolist(), self.given(t)
+        S, given = self.S, self.given(t)
         f, R, D = self.field(t, x, P)
         found = []
         outer = set()
@@ -454,56 +471,54 @@ class Run:
         instants = self.case.instants
         while at < len(instants) and instants[at] < t:
             at += 1
-        longest = min(0.1, self.flight(t, x, P) / 3)
-        solver = DOP853(lambda t, y: self.field(t, y.tolist(), P)[0], t, np.array(x), end, rtol=RTOL, atol=ATOL,
-                        max_step=longest)  # fmt: skip
-        before = (t, np.array(self.watch(t, solver.y, P)))
-        events = len(self.S.surfaces)
-        m = len(before[1]) - events
-        seen = np.full(m + events, 1e-9)  # a value that is nearer to 0 has no sign yet
+
+        def rates(t, x):
+            return self.field(t, x, P)[0]
+
+        steps = Steps(rates, t, x, end, min(0.1, self.flight(t, x, P) / 3))
+        before = t, self.watch(t, x, P)
+        m = len(before[1]) - len(self.S.surfaces)
+        seen = [1e-9] * len(before[1])  # a value that is nearer to 0 has no sign yet
         if open_gaps := len(self.S.gaps) - len(P.closed):
             first_gap = m - open_gaps - (len(self.S.discs) - len(P.sticks))
-            seen[first_gap : first_gap + open_gaps] = 1e-15
-        armed = np.where(np.abs(before[1]) > seen, np.sign(before[1]), 0)
+            seen[first_gap : first_gap + open_gaps] = [1e-15] * open_gaps
+        armed = [(h > by) - (h < -by) for h, by in zip(before[1], seen)]
         last = None
-        while solver.status == "running":
-            solver.step()
-            if solver.status == "failed" or not np.isfinite(solver.y).all():
+        while steps.t < end:
+            if not steps.go() or not all(map(math.isfinite, steps.y)):
                 raise UndecidedError("no step")
-            dense = solver.dense_output()
+            self.spend()
+            dense = steps.polynomial()
             first = math.inf
-            for s in np.linspace(solver.t_old, solver.t, 5)[1:]:
-                now = np.array(self.watch(s, dense(s), P))
-                crossed = np.flatnonzero(armed * now < 0)
-                for k in crossed:
-                    first = min(first, self.root(k, before[0], s, dense, P))
-                if len(crossed):
+            apart = (steps.t - steps.t_old) / 4
+            for s in (*(steps.t_old + i * apart for i in (1, 2, 3)), steps.t):
+                now = self.watch(s, dense(s), P)
+                if crossed := [k for k, h in enumerate(now) if armed[k] * h < 0]:
+                    first = min(self.root(k, before[0], s, dense, P) for k in crossed)
                     break
-                low = np.flatnonzero((armed == 0) & (now < -seen))
-                if len(low) and (low < m).any():
+                if not all(armed) and any(not armed[k] and now[k] < -seen[k] for k in range(m)):
                     raise UndecidedError("a mode that does not hold")
                 if last is not None:
-                    dip = (
-                        (np.abs(before[1]) < np.abs(last[1])) & (np.abs(before[1]) < np.abs(now)) & (armed != 0)
-                    )
-                    for k in np.flatnonzero(dip & (np.abs(before[1]) < 0.05)):
-                        found = self.dip(k, armed[k], last[0], before[0], s, dense, solver, P)
-                        first = min(first, found)
+                    for k, (a, b, c) in enumerate(zip(last[1], before[1], now)):
+                        if abs(b) < 0.05 and abs(b) < abs(a) and abs(b) < abs(c) and armed[k]:
+                            first = min(first, self.dip(k, armed[k], last[0], before[0], s, dense, steps, P))
                     if first < math.inf:
                         break
-                armed = np.where((armed == 0) & (np.abs(now) > seen), np.sign(now), armed)
+                if not all(armed):
+                    armed = [a or (h > by) - (h < -by) for a, h, by in zip(armed, now, seen)]
                 last, before = before, (s, now)
-            stop = min(first, solver.t)
+            stop = min(first, steps.t)
             while at < len(instants) and instants[at] < stop:
                 self.keep(at, dense(instants[at]))
                 at += 1
-            self.before = [int(a) for a in armed[m:]]
+            self.before = armed[m:]
             if first < math.inf:
-                again = DOP853(solver.fun, solver.t_old, dense(solver.t_old), first, rtol=RTOL, atol=ATOL)
-                while again.status == "running":
-                    again.step()
-                return first, again.y.tolist()
-        return solver.t, solver.y.tolist()
+                again = Steps(rates, steps.t_old, steps.x, first, first=first - steps.t_old)
+                while again.t < first:
+                    if not again.go():
+                        raise UndecidedError("no step")
+                return first, again.y
+        return steps.t, steps.y
 
     def flight(self, t, x, P):
         """Time until the next bounce of a contact that has just rebounded; inf without one."""
@@ -529,13 +544,12 @@ class Run:
             raise UndecidedError("a zero at the beginning of a step")
         return brentq(at, a, b, xtol=1e-14, rtol=1e-14)
 
-    def dip(self, k, side, a, b, c, dense, solver, P):
+    def dip(self, k, side, a, b, c, dense, steps, P):
         """A pair of zeros between three points at which the sign is the same: the first; inf without."""
-        if a < solver.t_old:
-            a = solver.t_old
-        times = np.linspace(a, c, 33)
-        values = np.array([side * self.watch(s, dense(s), P)[k] for s in times])
-        i = int(values.argmin())
+        a = max(a, steps.t_old)
+        times = [*(a + i * ((c - a) / 32) for i in range(32)), c]
+        values = [side * self.watch(s, dense(s), P)[k] for s in times]
+        i = values.index(min(values))
         if values[i] < 0:
             return (
                 self.root(k, times[i - 1] if i else a, times[i], dense, P)
@@ -940,6 +954,7 @@ class Run:
     def flows(self, t, x, Q, doubtful, open_):
         """States ahead if the assignment's own flow keeps it, else None."""
         S, found = self.S, []
+        self.spend()
         try:
             for step in AHEAD:
                 y = self.ahead(t, x, Q, step)
