@@ -184,6 +184,8 @@ class ScalarCode:
             for a in sorted(needed):
                 if inside >> a & 1:
                     self._ensure(a, needed)
+        for a in self._shared(key, group):
+            self._ensure(a, needed)
         self._open -= opened
         group = [node for node in group if not self.available(node)]
         if not group:
@@ -201,6 +203,18 @@ class ScalarCode:
                 self.scopes.pop()
                 self.writer.indent -= 1
         self.scopes[-1].update(group)
+
+    def _shared(self, key, group: list[int]) -> list[int]:
+        """Selections with others inside that two branches of a group need: in each they would grow with nesting."""
+        once = shared = 0
+        for _, results in self._unlike_branches(key, group):
+            below = 0
+            for result in results:
+                below |= self.closure(result)
+            once, shared = once | below, shared | (once & below)
+        choices = [a for a in range(min(group)) if shared >> a & 1 and self.graph.nodes[a].op in ("sel", "ite")]
+        inner = sum(1 << a for a in choices)
+        return [a for a in choices if self.closure(a) & inner & ~(1 << a)]
 
     def chosen(self, node: int, result: int) -> str:
         """Text of what a branch makes of a selection."""
