@@ -89,10 +89,8 @@ class _Walk(reference.Run):
                 clocks = clocks[len(struck) :]
                 self.forced, terminal = self.passed_now(before, self.signs(t, x)), False
                 if self.forced or struck:
+                    self.before = list(before)
                     x, terminal = self.events(t, x, P, struck)
-                    for _, kind, k in struck:
-                        if kind == "knot":
-                            self.cells[k] = min(self.cells[k] + 1, len(model.drives[k][1]) - 2)
                     before = self.before
                 if S.gaps:
                     x = self.bounce(t, x)
