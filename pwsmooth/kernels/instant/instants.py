@@ -32,6 +32,7 @@ from ..state import (
     KINK,
     MOST_AT_ONCE,
     NOTHING,
+    PAIR,
     SECOND_ORDER,
     SLIDING,
     SOLVED,
@@ -123,6 +124,9 @@ from .surface_rates import (
 # tolerance say so, and it slides to second order from then on. Switchings that accumulate at an instant come to it
 # with fewer.
 _MOST_MINUTE = 10_000
+_OF_A_FIT = (
+    1e-6  # of a step of the pair: by so much its fit may tell one of several zeros of an instant too late
+)
 
 
 @kernel
@@ -596,11 +600,16 @@ def _note_what_is_met(P, C, S, W):
     """Overwrites instant.hit, known zeros of S and instant.came; states that are surfaces are put on them."""
     instant = W.instant
     m, ne, status, elapsed = P.m, P.ne, S.status, instant.elapsed
-    within = max(at_once_within(S.t, W.step.length), AT_ONCE * elapsed)
+    within, told = max(at_once_within(S.t, W.step.length), AT_ONCE * elapsed), 0.0
+    if W.step.kind == PAIR:
+        evaluate_surfaces(P, S, W)
+        told = _OF_A_FIT * elapsed
     for i in range(m + ne):
         later = (W.meeting.tau[i] - instant.met) * W.step.length
-        instant.hit[i] = W.meeting.tau[i] <= 1.0 and later <= within
-        if S.deflate[i] != 0 and not instant.hit[i]:
+        instant.hit[i] = W.meeting.tau[i] <= 1.0 and later <= max(within, told)
+        if instant.hit[i] and later > within:
+            instant.hit[i] = abs(W.h[i]) <= surface_rounding(P, S, i, W)
+        if not instant.hit[i] and (S.deflate[i] != 0 or W.meeting.rounding[i] > 0.0):
             if rested_on(P, S, W, i):
                 S.deflate[i] = orders_at_rest(S, i)
             elif elapsed > 1e-12 * time_size(S) or _left_behind(P, S, W, i):
