@@ -103,7 +103,15 @@ from .holding import (
 from .other_motions import try_other_ratio
 from .plain import cross_stick_or_leave, only_one
 from .resting import come_to_rest, hold_by_what_jumps, rests_on_kink, stay_at_rest
-from .settling import hand_over, layer_code, resettle, settle_arrivals, settle_at_rest, settle_together
+from .settling import (
+    hand_over,
+    layer_code,
+    let_go_without_load,
+    resettle,
+    settle_arrivals,
+    settle_at_rest,
+    settle_together,
+)
 from .starting import start
 from .surface_rates import (
     any_kind,
@@ -780,6 +788,8 @@ def _settle(P, C, S, R, W, fold, only, changed):
                 return outcome_of(contacts)
             if turn > 0 and contacts == UNCHANGED:
                 break
+        if P.discs != 0:
+            let_go_without_load(P, S, R, W)
         code, switched = NOTHING, True
         if only < 0 or turn > 0:
             code, switched = _settle_switches(P, C, S, R, W)
