@@ -79,7 +79,6 @@ class _Walk(reference.Run):
         before = [0.0 if abs(h) < 1e-9 else h for h in self.signs(t, x)]
         self.started, self.last, self.due, self.knots = True, None, set(), set()
         self.before = list(before)
-        model = S.model
         try:
             while t < until - 1e-12 and at < len(instants):
                 stop = min([c[0] for c in clocks[:1]] + [instants[at], t + STEP])

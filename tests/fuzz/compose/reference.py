@@ -1003,6 +1003,16 @@ class Run:
             rates.append(g[0] + sum(a * b for a, b in zip(g[1:], S.f(t, x, M, *given, R, D))))
         if not Q.branches and abs(rates[0] + rates[-1] - 2 * rates[1]) > 1e-9:
             raise UndecidedError("hidden terms")
+        if Q.branches:
+            above, below = Q.branches
+            alone = list(below)
+            alone[j] = above[j]
+            bends = any(a.kind == "kink" and u != v for a, u, v in zip(S.atoms, above, below))
+            moves = np.abs(np.subtract(S.f(t, x, alone, *given, R, D), S.f(t, x, below, *given, R, D))).max()
+            if bends or (S.atoms[j].kind == "floor" and moves > 1e-9):
+                raise UndecidedError(
+                    "hidden terms"
+                )  # within the layer rates are not between those of both sides
         if rates[-1] > rates[0]:
             raise UndecidedError("a slide that repels")
 

@@ -556,3 +556,20 @@ def test_an_event_on_what_several_frictions_hold_fires_as_they_come_there_and_ne
         run = solve(system, (0, 8), {x: 0.2, y: 0.2, v: 0.2, q: 1}, parameters=values, method=method)
         met = arrivals(values[c], 0.2, values[g], values[f], values[omega], values[phase], 8)
         np.testing.assert_allclose(run.event_times(switch="bell"), met, atol=1e-7)
+
+
+@METHODS
+@pytest.mark.parametrize("unknown", [False, True])
+@pytest.mark.parametrize("start", [1.3, 1.25, 1.2])
+def test_stairs_that_move_the_rates_by_themselves_too_hold_with_what_jumps_with_them(start, unknown, method):
+    # Above 5/4 the rate is -0.0225, below 0.3525. The tooth steps where floor(4x + 1) is 5.5: there z is 1/8.
+    tread = -x + sp.floor(4 * x + 1) / 4
+    z = a if unknown else tread
+    rates = {x: (1 - x) / 2 + c + sp.frac(z - x / 2 + sp.Rational(1, 2)) / 2, y: z / 2 - y}
+    system = System(rates, algebraic=[Algebraic(a, a - tread)] if unknown else [], parameters={c: 0.04})
+    begin = (0, 4) if start == 1.25 else (0, 9)
+    run = solve(system, begin, {x: start, y: 0}, method=method)
+    assert run.success and run["x"][-1] == pytest.approx(1.25, abs=1e-12)
+    if start == 1.25:
+        assert not run.ambiguities
+        assert run["y"][-1] == pytest.approx((1 - np.exp(-4)) / 16, abs=1e-9)
