@@ -575,6 +575,30 @@ def _is_freed(P, S, W):
 
 
 @kernel
+def _leave_what_was_rested_on(P, C, S, R, W):
+    """After a release: switches that the motion crosses, on whose surfaces it has rested, are on the side to which it
+    goes, and left from there. A slip that begins in a disc takes them along itself."""
+    changed = False
+    for j in range(P.m):
+        if begins(P, S, j):
+            return
+    evaluate_surfaces(P, S, W)
+    for j in range(P.m):
+        crossed = (P.kind[j] == KINK or P.kind[j] == CROSSING) and abs(S.status[j]) == 1
+        if not crossed or S.deflate[j] != 0 or abs(W.h[j]) > surface_rounding(P, S, j, W):
+            continue
+        order = order_of_leaving(P, C, S, W, j)
+        S.deflate[j] = abs(order)
+        if order * S.status[j] < 0:
+            record_event(S, R, j, EV_CROSSING, S.status[j], -S.status[j])
+            S.status[j] = -S.status[j]
+            S.mult[j], changed = float(S.status[j]), True
+        evaluate_surfaces(P, S, W)
+    if changed:
+        sides_after_crossing(P, S, R, W)
+
+
+@kernel
 def _sides_of_events(P, C, S, W, freed):
     """Sets the sides of events on whose surfaces x stands to where the motion goes on, after a jump or a release.
 
@@ -706,7 +730,8 @@ def at_instant(P, C, S, R, W):
     if only >= 0:
         code = cross_stick_or_leave(P, S, R, W, only)
         if code != NOTHING and (code != GO_ON or not is_passed(S, only)):
-            if P.ne > 0 and _is_freed(P, S, W):
+            if _is_freed(P, S, W):
+                _leave_what_was_rested_on(P, C, S, R, W)
                 _sides_of_events(P, C, S, W, True)
             record_point(P, S, R)
             return code
@@ -807,4 +832,6 @@ def _settle(P, C, S, R, W, fold, only, changed):
                 return code
         if len(P.contact) == 0 or instant.look_again == 0:
             break
+    if _is_freed(P, S, W):
+        _leave_what_was_rested_on(P, C, S, R, W)
     return GO_ON

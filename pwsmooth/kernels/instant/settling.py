@@ -392,9 +392,7 @@ def let_go_without_load(P, S, R, W):
             S.status[j] = HELD if g == 0.0 else 1 if g > 0.0 else -1
             S.mult[j] = 0.0 if g == 0.0 else float(S.status[j])
             S.deflate[j] = 0 if g == 0.0 else 1
-            if (
-                g != 0.0 and W.instant.jumped == 0
-            ):  # else it is settled as what the jump has left on its surface
+            if g != 0.0:
                 record_event(S, R, j, EV_RESET, SOLVED, S.status[j])
 
 
