@@ -104,7 +104,10 @@ class Meeting(Bundle):
     grazed: "f8[m + ne]"  # where in the step each surface is grazed, in [0, 1]; 2 = not grazed
     graze_crosses: "i8[m + ne]"  # and whether it counts as crossed
     widest: "f8[m + ne]"  # largest |h| of each surface so far
-    rounding: "f8[m + ne]"  # what roundings make of each surface on which a held motion begins its step
+    rounding: (
+        "f8[m + ne]"  # what roundings make of each surface on which a step begins, and a unit of time of it
+    )
+    blur: "f8[m + ne]"
     blurred: "f8[m]"  # |h| of discs next to which 0 is not told from
     rhythm: "f8[3*m + 3*ne + 1, 2]"  # see rhythm.py
 
@@ -338,6 +341,7 @@ class Work(Bundle):
     dx: "f8[n]"
     size: "f8[n]"  # the largest that each state has been at an instant
     terms: "f8[n]"  # what the terms of each rate add up to, whatever cancels
+    up: "f8[n]"  # the rates where all that they are made of is a little larger
     shifted_x: "f8[n]"  # states and multipliers, moved by a small part of themselves
     shifted_mult: "f8[m]"
     h: "f8[m + ne]"

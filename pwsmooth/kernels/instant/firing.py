@@ -533,8 +533,9 @@ def _side_after_jump(P, S, R, W, j):
     if instant.hit[j] and unmoved:
         return False  # the jump has not moved it: it is met, within the tolerance of the series that say so
     on = is_at_rest(P, S, j, W) if P.kind[j] == DISC else abs(W.h[j]) <= surface_rounding(P, S, j, W)
-    if unmoved and not on and abs(S.status[j]) == 1:
-        return False  # it may have crossed at this instant, within that tolerance
+    left = not on or (S.deflate[j] != 0 and not instant.hit[j] and P.kind[j] < DISC)
+    if unmoved and left and abs(S.status[j]) == 1:
+        return False  # it may have crossed at this instant, within that tolerance, or been left
     if on:
         if S.status[j] == HELD and P.kind[j] != SECOND_ORDER:
             return False

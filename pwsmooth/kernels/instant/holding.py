@@ -57,7 +57,7 @@ def _order_on(P, C, S, W, j, side):
 
 
 @kernel
-def _is_coupled(P, S, W, j):
+def is_coupled(P, S, W, j):
     """Whether something else that is solved for, held or just met acts on switch j, or it on that."""
     link(P, S, W, j)
     for k in range(P.m):
@@ -74,7 +74,7 @@ def take_side(P, C, S, R, W, j, far, met):
     It stays on the surface where that of one side never does and the other one leads back, as at the limit of an
     integrator; where both fields vanish together, as at its release, it goes where both lead. `met`: from -far.
     """
-    if P.hidden[j] != 0 or P.nested[j] != 0 or _is_coupled(P, S, W, j):
+    if P.hidden[j] != 0 or P.nested[j] != 0 or is_coupled(P, S, W, j):
         return False
     status, mult, side = S.status[j], S.mult[j], 0
     back, ahead = far * _order_on(P, C, S, W, j, -far), far * _order_on(P, C, S, W, j, far)

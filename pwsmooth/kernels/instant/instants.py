@@ -32,6 +32,7 @@ from ..state import (
     KINK,
     MOST_AT_ONCE,
     NOTHING,
+    PAIR,
     SECOND_ORDER,
     SLIDING,
     SOLVED,
@@ -110,7 +111,15 @@ from .holding import (
 from .other_motions import try_other_ratio
 from .plain import cross_stick_or_leave, only_one
 from .resting import come_to_rest, hold_by_what_jumps, rests_on_kink, stay_at_rest
-from .settling import hand_over, layer_code, resettle, settle_arrivals, settle_at_rest, settle_together
+from .settling import (
+    hand_over,
+    layer_code,
+    let_go_without_load,
+    resettle,
+    settle_arrivals,
+    settle_at_rest,
+    settle_together,
+)
 from .starting import start
 from .surface_rates import (
     AT_BOUND,
@@ -132,6 +141,9 @@ from .surface_rates import (
 # tolerance say so, and it slides to second order from then on. Switchings that accumulate at an instant come to it
 # with fewer.
 _MOST_MINUTE = 10_000
+_OF_A_FIT = (
+    1e-6  # of a step of the pair: by so much its fit may tell one of several zeros of an instant too late
+)
 
 
 @kernel
@@ -594,6 +606,30 @@ def _is_freed(P, S, W):
 
 
 @kernel
+def _leave_what_was_rested_on(P, C, S, R, W):
+    """After a release: switches that the motion crosses, on whose surfaces it has rested, are on the side to which it
+    goes, and left from there. A slip that begins in a disc takes them along itself."""
+    changed = False
+    for j in range(P.m):
+        if begins(P, S, j):
+            return
+    evaluate_surfaces(P, S, W)
+    for j in range(P.m):
+        crossed = (P.kind[j] == KINK or P.kind[j] == CROSSING) and abs(S.status[j]) == 1
+        if not crossed or S.deflate[j] != 0 or abs(W.h[j]) > surface_rounding(P, S, j, W):
+            continue
+        order = order_of_leaving(P, C, S, W, j)
+        S.deflate[j] = abs(order)
+        if order * S.status[j] < 0:
+            record_event(S, R, j, EV_CROSSING, S.status[j], -S.status[j])
+            S.status[j] = -S.status[j]
+            S.mult[j], changed = float(S.status[j]), True
+        evaluate_surfaces(P, S, W)
+    if changed:
+        sides_after_crossing(P, S, R, W)
+
+
+@kernel
 def _sides_of_events(P, C, S, W, freed):
     """Sets the sides of events on whose surfaces x stands to where the motion goes on, after a jump or a release.
 
@@ -627,11 +663,16 @@ def _note_what_is_met(P, C, S, W):
     """Overwrites instant.hit, known zeros of S and instant.came; states that are surfaces are put on them."""
     instant = W.instant
     m, ne, status, elapsed = P.m, P.ne, S.status, instant.elapsed
-    within = max(at_once_within(S.t, W.step.length), AT_ONCE * elapsed)
+    within, told = max(at_once_within(S.t, W.step.length), AT_ONCE * elapsed), 0.0
+    if W.step.kind == PAIR:
+        evaluate_surfaces(P, S, W)
+        told = _OF_A_FIT * elapsed
     for i in range(m + ne):
         later = (W.meeting.tau[i] - instant.met) * W.step.length
-        instant.hit[i] = W.meeting.tau[i] <= 1.0 and later <= within
-        if S.deflate[i] != 0 and not instant.hit[i]:
+        instant.hit[i] = W.meeting.tau[i] <= 1.0 and later <= max(within, told)
+        if instant.hit[i] and later > within:
+            instant.hit[i] = abs(W.h[i]) <= surface_rounding(P, S, i, W)
+        if not instant.hit[i] and (S.deflate[i] != 0 or W.meeting.rounding[i] > 0.0):
             if rested_on(P, S, W, i):
                 S.deflate[i] = orders_at_rest(S, i)
             elif elapsed > 1e-12 * time_size(S) or _left_behind(P, S, W, i):
@@ -720,7 +761,8 @@ def at_instant(P, C, S, R, W):
     if only >= 0:
         code = cross_stick_or_leave(P, S, R, W, only)
         if code != NOTHING and (code != GO_ON or not is_passed(S, only)):
-            if P.ne > 0 and _is_freed(P, S, W):
+            if _is_freed(P, S, W):
+                _leave_what_was_rested_on(P, C, S, R, W)
                 _sides_of_events(P, C, S, W, True)
             record_point(P, S, R)
             return code
@@ -802,6 +844,8 @@ def _settle(P, C, S, R, W, fold, only, changed):
                 return outcome_of(contacts)
             if turn > 0 and contacts == UNCHANGED:
                 break
+        if P.discs != 0:
+            let_go_without_load(P, S, R, W)
         code, switched = NOTHING, True
         if only < 0 or turn > 0:
             code, switched = _settle_switches(P, C, S, R, W)
@@ -819,4 +863,6 @@ def _settle(P, C, S, R, W, fold, only, changed):
                 return code
         if len(P.contact) == 0 or instant.look_again == 0:
             break
+    if _is_freed(P, S, W):
+        _leave_what_was_rested_on(P, C, S, R, W)
     return GO_ON

@@ -273,7 +273,7 @@ def hold_by_what_jumps(P, S, R, W):
     states; else nothing holds.
     """
     for j in range(P.m):
-        if not W.instant.hit[j] or abs(S.status[j]) != 1 or (P.kind[j] != CROSSING and P.kind[j] != KINK):
+        if not W.instant.hit[j] or abs(S.status[j]) != 1 or P.kind[j] > CROSSING:
             continue
         k = -1
         for i in range(P.m):

@@ -35,6 +35,7 @@ from .holding import (
     hold_beside,
     hold_second_order,
     hold_supported,
+    is_coupled,
     is_supported,
     rest_with_friction,
     some_second_order,
@@ -374,6 +375,28 @@ def _follow_slightly(P, S, W):
 
 
 @kernel
+def _has_no_load(P, S, W, j):
+    """Whether the load of switch j has come to an end: its lambda does nothing; reads W.G."""
+    return W.G[P.g_diagonal[j]] == 0.0 and _strength(P, S, W, j) == 0.0
+
+
+@kernel
+def let_go_without_load(P, S, R, W):
+    """Sticks without a load are no longer solved for, with which nothing else could be: they go where they are moved."""
+    for j in range(P.m):
+        if S.status[j] != SOLVED or P.kind[j] != SLIDING or is_coupled(P, S, W, j):
+            continue
+        evaluate_surfaces(P, S, W)
+        if _has_no_load(P, S, W, j):
+            g = residual(P, S, W, j, 0.0)
+            S.status[j] = HELD if g == 0.0 else 1 if g > 0.0 else -1
+            S.mult[j] = 0.0 if g == 0.0 else float(S.status[j])
+            S.deflate[j] = 0 if g == 0.0 else 1
+            if g != 0.0:
+                record_event(S, R, j, EV_RESET, SOLVED, S.status[j])
+
+
+@kernel
 def resettle(P, C, S, R, W):
     """Sliding switches whose residual has jumped follow the layer flow from where they are, coupled ones together.
 
@@ -397,8 +420,8 @@ def resettle(P, C, S, R, W):
             call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
             known = True
         g = W.g[j]
-        if g == 0.0 and W.G[P.g_diagonal[j]] == 0.0 and _strength(P, S, W, j) == 0.0:
-            S.status[j], S.mult[j] = HELD, 0.0  # its load has come to an end
+        if g == 0.0 and _has_no_load(P, S, W, j):
+            S.status[j], S.mult[j] = HELD, 0.0
             known = False
             continue
         pushed = abs(g) > 1e-12 * max(1.0, abs(W.G[P.g_diagonal[j]]))

@@ -58,14 +58,13 @@ def _look_at_nested(P, C, S, W):
 
 
 @kernel
-def _take_side(P, C, S, R, W, j, may_stay):
+def _take_side(P, C, S, R, W, j):
     """Switch j, on its surface, takes the side to which the motion goes, or is what conditions say of 0 if it stays;
     returns whether that is new."""
     side = S.status[j]
     order, stays = order_at_rest(P, C, S, W, j)
-    if stays and (not may_stay or stays_at_zero(P, S, R, W, j)):
-        return S.status[j] != side
-    if order != 0:
+    rests = stays and stays_at_zero(P, S, R, W, j)
+    if order != 0 and not rests:
         S.status[j] = 1 if order > 0 else -1
         S.mult[j] = float(S.status[j])
         S.deflate[j] = abs(order)
@@ -160,7 +159,7 @@ def start(P, C, S, R, W):
                 instant.active[size] = j
                 size += 1
         elif abs(status[j]) == 1:
-            _take_side(P, C, S, R, W, j, True)
+            _take_side(P, C, S, R, W, j)
     place_those_that_wait(P, S, W, size)
     code = settle_at_rest(P, C, S, R, W, size) if size > 0 else GO_ON
     if size > 0:
@@ -171,7 +170,7 @@ def start(P, C, S, R, W):
         changed = False
         for j in range(m):
             met = instant.hit[j] and (P.kind[j] == CROSSING or P.kind[j] == KINK) and abs(status[j]) == 1
-            changed = (met and _take_side(P, C, S, R, W, j, False)) or changed
+            changed = (met and _take_side(P, C, S, R, W, j)) or changed
         if changed:
             code = settle_at_rest(P, C, S, R, W, size)
     if code == GO_ON:

@@ -195,60 +195,73 @@ def _begins_on(P, S, W, i):
     row = surface_rows(P, W.step.kind)[i]
     if row < 0 or (i < P.m and S.status[i] == SOLVED):
         return False
-    return S.deflate[i] != 0 or abs(W.step.rows[row, 0]) <= _STANDS * W.meeting.widest[i]
+    return S.deflate[i] != 0 or abs(W.step.rows[row, 0]) <= max(SURFACE_ROUNDING, _STANDS * W.meeting.widest[i])
 
 
 @kernel
-def _note_rounding(P, S, W):
-    """Overwrites meeting.rounding: what roundings may make of each surface on which the step begins, 0 of others.
+def _note_rounding(P, C, S, W):
+    """Overwrites meeting.rounding and blur: what roundings may make of each surface on which the step begins, and a
+    unit of time of it; 0 of others.
 
-    While what is solved for holds the motion they are those of what the surface is made of and of all that adds up to
-    the rates. A fit makes of the roundings of its nodes some thousands of them.
+    They are those of what the surface is made of, of the terms of its series and of all that adds up to the rates. A fit
+    makes of the roundings of its nodes some thousands of them. Switches are looked at where something holds the motion.
     """
-    begins, holds = False, False
+    begins, first = False, P.m
+    for j in range(P.m):
+        W.meeting.rounding[j] = W.meeting.blur[j] = 0.0
+        if S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC:
+            first = 0
     part, followed = (_ROUNDING_OF_A_FIT, _FOLLOWED) if P.pair != 0 else (_ROUNDING_OF_A_SERIES, 1.0)
-    for i in range(P.m + P.ne):
-        W.meeting.rounding[i] = 0.0
+    for i in range(first, P.m + P.ne):
+        W.meeting.rounding[i] = W.meeting.blur[i] = 0.0
         begins = begins or _begins_on(P, S, W, i)
-    for j in range(P.m if begins else 0):
-        holds = holds or (S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC)
-    if not holds:
+    if not begins:
         return
     sum_terms(P, S, W)
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
-    for i in range(P.m + P.ne):
+    for i in range(first, P.m + P.ne):
         if _begins_on(P, S, W, i):
-            size = surface_size(P, S, i, W)
+            way, length = 0.0, W.step.length
             for e in range(P.dh_row[i], P.dh_row[i + 1]):
-                size += followed * W.step.length * abs(W.dh[e]) * W.terms[P.dh_col[e]]
-            if size < math.inf:
-                W.meeting.rounding[i] = part * size
+                k = P.dh_col[e]
+                terms = followed * length * W.terms[k]
+                way += abs(W.dh[e]) * (variation(W.step.rows[k], W.step.power, C.order) + terms)
+            if way < math.inf and length > 0.0:
+                W.meeting.rounding[i] = part * surface_size(P, S, i, W)
+                W.meeting.blur[i] = part * way / length
 
 
 @kernel
 def rested_on(P, S, W, i):
-    """Whether surface i has been met before the last step, and the motion has rested on it since."""
+    """Whether the last step began on surface i, and the motion has rested on it since."""
     row = surface_rows(P, W.step.kind)[i]
-    if row < 0 or S.deflate[i] == 0 or (i < P.m and (P.kind[i] != SLIDING or abs(S.status[i]) != 1)):
+    if row < 0 or (i < P.m and (P.kind[i] != SLIDING or abs(S.status[i]) != 1)):
         return False
-    moved, power = 0.0, 1.0
+    if S.deflate[i] == 0 and (i < P.m or abs(W.step.rows[row, 0]) > W.meeting.rounding[i]):
+        return False
+    moved, power, length = 0.0, 1.0, W.step.length
+    if W.step.kind == PAIR and W.step.sliding != 0:
+        length = min(
+            length, W.end.length
+        )  # its fit has been made anew up to there, and of what is held it has roundings
     for k in range(1, _RESTING):
-        power *= W.step.length
+        power *= length
         moved += abs(W.step.rows[row, k]) * power
-    return moved <= max(SURFACE_ROUNDING, W.meeting.rounding[i])
+    told = W.meeting.rounding[i] + length * W.meeting.blur[i]
+    return moved <= max(SURFACE_ROUNDING if S.deflate[i] != 0 else 0.0, told)
 
 
 @inlined_kernel
 def orders_at_rest(S, i):
     """The known zero orders of surface i, on which the motion rests on: one, where none was found up to the fourth."""
-    return S.deflate[i] if S.deflate[i] < 4 else 1
+    return S.deflate[i] if 0 < S.deflate[i] < 4 else 1
 
 
 @kernel
 def leave_surfaces(P, S, W):
     """Behind a step: what was met before it is left, but where the motion has rested."""
     for i in range(P.m + P.ne):
-        if S.deflate[i] != 0:
+        if S.deflate[i] != 0 or W.meeting.rounding[i] > 0.0:
             S.deflate[i] = orders_at_rest(S, i) if rested_on(P, S, W, i) else 0
 
 
@@ -266,7 +279,7 @@ def find_first(P, C, S, W):
     roots = W.roots
     m, K, tau, status, kind, deflate = P.m, C.order, meeting.tau, S.status, P.kind, S.deflate
     best = NO_ROOT
-    _note_rounding(P, S, W)
+    _note_rounding(P, C, S, W)
     for j in range(m):
         met = NO_ROOT
         roots.dips = 0
@@ -285,7 +298,7 @@ def find_first(P, C, S, W):
             and not is_clocked(C, j)
         ):
             _note_size(P, C, W, j, rows[all_rows[j]], deflate[j])
-            rounding, held = SURFACE_ROUNDING, meeting.rounding[j]
+            rounding, held = SURFACE_ROUNDING, meeting.rounding[j] + h * meeting.blur[j]
             if step.nears == SWITCHING and P.surface_state[j] >= 0:
                 rounding = _LEAST * step.atol[P.surface_state[j]]
             if step.kind == START:
@@ -312,12 +325,11 @@ def find_first(P, C, S, W):
             roots.guess = expected(W, i, S.side[i - m], S.t, h)
             _note_size(P, C, W, i, rows[all_rows[i]], deflate[i])
             row, side = rows[all_rows[i]], float(S.side[i - m])
+            held = meeting.rounding[i] + h * meeting.blur[i]
             if step.kind == START:
-                tau[i] = _meet_at_onset(
-                    P, C, S, row, i, deflate[i], side, W, SURFACE_ROUNDING, meeting.rounding[i]
-                )
+                tau[i] = _meet_at_onset(P, C, S, row, i, deflate[i], side, W, SURFACE_ROUNDING, held)
             else:
-                tau[i] = meet(P, row, power, K, deflate[i], side, W, SURFACE_ROUNDING, 0.0, meeting.rounding[i])
+                tau[i] = meet(P, row, power, K, deflate[i], side, W, SURFACE_ROUNDING, 0.0, held)
             best = min(best, tau[i])
             if roots.dips != 0 and _would_act(P, C, S, i - m, roots.dip_at, W):
                 meeting.grazed[i], meeting.graze_crosses[i] = roots.dip_at, roots.dip_crosses

@@ -266,22 +266,30 @@ def surface_rounding(P, S, j, W):
 
 
 @kernel
-def sum_terms(P, S, W):
-    """Overwrites W.terms: what the terms of each rate add up to, whatever cancels; W.dx, W.h, W.g are those of S.
-
-    It is by how much a rate changes where all that it is made of changes by the same small part of the largest that it
-    has been, up or down. Where a power has its branch point that part is of what a state is now.
-    """
-    up = 1.0
+def _shift(P, S, W, turns):
+    """Overwrites W.shifted_x and W.shifted_mult: all that rates are made of, changed by a small part of the largest that
+    it has been, or of what it is where a power may have its branch point; where it `turns` by turns up and down."""
+    up = _PART
     for i in range(P.n):
-        size = W.size[i] if P.watches == 0 else abs(S.x[i])
-        W.shifted_x[i] = S.x[i] + up * _PART * size
-        up = -up
+        W.shifted_x[i] = S.x[i] + up * (W.size[i] if P.watches == 0 else abs(S.x[i]))
+        up *= turns
     for j in range(P.m):
-        W.shifted_mult[j] = S.mult[j] * (1.0 + up * _PART) if S.status[j] == SOLVED else S.mult[j]
-        up = -up
+        W.shifted_mult[j] = S.mult[j] * (1.0 + up) if S.status[j] == SOLVED else S.mult[j]
+        up *= turns
+
+
+@kernel
+def sum_terms(P, S, W):
+    """Overwrites W.terms: what the terms of each rate add up to, whatever cancels.
+
+    It is by how much a rate changes where all that it is made of changes by a small part, all up, and by turns up and
+    down: terms that cancel in one of them do not in the other.
+    """
+    _shift(P, S, W, -1.0)
     call_fields(P.fields, S.t * (1.0 + _PART), W.shifted_x, W.shifted_mult, P.p, W.terms, W.h, W.g)
+    _shift(P, S, W, 1.0)
+    call_fields(P.fields, S.t, W.shifted_x, W.shifted_mult, P.p, W.up, W.h, W.g)
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     for i in range(P.n):
-        terms = abs(W.terms[i] - W.dx[i]) / _PART
+        terms = (abs(W.terms[i] - W.dx[i]) + abs(W.up[i] - W.dx[i])) / _PART
         W.terms[i] = abs(W.dx[i]) + (terms if terms < math.inf else 0.0)

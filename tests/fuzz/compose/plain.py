@@ -79,7 +79,6 @@ class _Walk(reference.Run):
         before = [0.0 if abs(h) < 1e-9 else h for h in self.signs(t, x)]
         self.started, self.last, self.due, self.knots = True, None, set(), set()
         self.before = list(before)
-        model = S.model
         try:
             while t < until - 1e-12 and at < len(instants):
                 stop = min([c[0] for c in clocks[:1]] + [instants[at], t + STEP])
@@ -89,10 +88,8 @@ class _Walk(reference.Run):
                 clocks = clocks[len(struck) :]
                 self.forced, terminal = self.passed_now(before, self.signs(t, x)), False
                 if self.forced or struck:
+                    self.before = list(before)
                     x, terminal = self.events(t, x, P, struck)
-                    for _, kind, k in struck:
-                        if kind == "knot":
-                            self.cells[k] = min(self.cells[k] + 1, len(model.drives[k][1]) - 2)
                     before = self.before
                 if S.gaps:
                     x = self.bounce(t, x)

@@ -624,6 +624,12 @@ class Run:
         self.knots = {k for _, kind, k in struck if kind == "knot"}
         acted, terminal, moved = set(), False, False
         kicked = list(kicks)
+        if struck:
+            # What is a number at the instant has that value from there on: a surface jumps with it first of all.
+            for k, a in enumerate(self.sides(t, x, P, *self.modes(t, x, P, exact))):
+                if a and self.before[k] * a < 0 and model.events[k].direction in (0, a):
+                    due.add(k)
+                self.before[k] = a or self.before[k]
         for _ in range(40):
             M, doubt = self.modes(t, x, P, exact and not moved)
             now = []
@@ -631,7 +637,7 @@ class Run:
                 c = model.events[k]
                 if c.when is None or self.read(S.when[k], S.conditions[k], t, x, M, doubt) > 0.5:
                     now.append(k)
-            if not now and not kicked:
+            if not now and not kicked and not self.knots:
                 return x, terminal
             writes = {}
             for k in now:
@@ -656,7 +662,10 @@ class Run:
                     values[i] = given[0][1]
             moved = moved or any(kind == "x" for kind, _ in writes)
             acted = (acted | set(now)) & due
-            if writes:
+            if writes or self.knots:
+                for k in self.knots:  # a sample acts with the others of its instant
+                    self.cells[k] = min(self.cells[k] + 1, len(model.drives[k][1]) - 2)
+                self.knots = set()
                 M, doubt = self.modes(t, x, P, exact)
                 after = self.sides(t, x, P, M, doubt)
                 for k, e in enumerate(model.events):
@@ -1009,6 +1018,16 @@ class Run:
             rates.append(g[0] + sum(a * b for a, b in zip(g[1:], S.f(t, x, M, *given, R, D))))
         if not Q.branches and abs(rates[0] + rates[-1] - 2 * rates[1]) > 1e-9:
             raise UndecidedError("hidden terms")
+        if Q.branches:
+            above, below = Q.branches
+            alone = list(below)
+            alone[j] = above[j]
+            bends = any(a.kind == "kink" and u != v for a, u, v in zip(S.atoms, above, below))
+            moves = np.abs(np.subtract(S.f(t, x, alone, *given, R, D), S.f(t, x, below, *given, R, D))).max()
+            if bends or (S.atoms[j].kind == "floor" and moves > 1e-9):
+                raise UndecidedError(
+                    "hidden terms"
+                )  # within the layer rates are not between those of both sides
         if rates[-1] > rates[0]:
             raise UndecidedError("a slide that repels")
 
@@ -1050,9 +1069,6 @@ class Run:
                 return
             clocks = clocks[len(struck) :]
             x, terminal = self.events(t, x, P, struck)
-            for _, kind, k in struck:
-                if kind == "knot":
-                    self.cells[k] = min(self.cells[k] + 1, len(self.S.model.drives[k][1]) - 2)
             for _ in range(20):
                 if terminal:
                     self.answer.end = t
@@ -1128,3 +1144,17 @@ def closed_forms():
     # An event with a condition, at every whole second but the first: the state is put back to 0.
     reset = Event(every=num(1), update={x: num(0)}, when=(">", time, num(1)))
     yield "resets", end(Model(["x0"], [num(1)], events=[reset]), [0.0], 2.5)[0], 0.5
+    # A sample acts with the events of its instant: what an update takes away from a surface it gives back.
+    step = ("hold", [0.0, 1.0, 4.0], [0.0, 2.0, 2.0])
+    twice = [
+        Event(every=num(1), update={x: num(0)}),
+        Event(surface=add(("d", 0), x, num(-0.5)), update={x: num(7)}),
+    ]
+    yield "a sample", end(Model(["x0"], [num(0)], events=twice, drives=[step]), [1.0], 2.5)[0], 0.0
+    # A pulse that begins as a clock strikes carries through a surface first of all.
+    pulse = ("pw", ("<", ("mod", time, num(1)), num(0.5)), num(1), num(0))
+    counted = [
+        Event(every=num(1), update={x: add(x, num(10))}),
+        Event(surface=minus(pulse, num(0.5)), direction=1, update={x: add(x, num(1))}),
+    ]
+    yield "a pulse", end(Model(["x0"], [num(0)], events=counted), [0.0], 2.25)[0], 22.0

@@ -6,10 +6,12 @@ Guards: kernels/instant/surface_rates.py.
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.optimize import brentq
 
-from pwsmooth import Disc, Event, Switch, System, Unilateral, solve
+from pwsmooth import Algebraic, Disc, Event, Memory, Switch, System, Unilateral, solve
 
-t, y, z, e, h = sp.symbols("t y z e h", real=True)
+t, x, y, z, e, h, a = sp.symbols("t x y z e h a", real=True)
+n = Memory("n", 0)
 
 
 def when(condition):
@@ -227,3 +229,38 @@ def test_a_slip_that_begins_from_rest_takes_the_side_to_which_it_leads(step, sta
     times = [event.time for event in run.events if event.switch == "D" and event.kind == "slip by tangency"]
     np.testing.assert_allclose(times, [leaves], atol=1e-8)
     assert run["y"][-1] * way < 0
+
+
+@pytest.mark.parametrize("method", ["auto", "rk"])
+@pytest.mark.parametrize("start", [1, 0.8])
+@pytest.mark.parametrize(
+    "back", [sp.floor(x), (sp.sign(x - 1) + 1) / 2, x - sp.frac(x), sp.Piecewise((1, x > 1), (0, True)), a]
+)
+def test_stairs_on_a_step_of_which_the_motion_slides_are_left_without_a_jump(back, start, method):
+    # Held at 1 until the force 1/2 + t/4 is 1, at t = 2: x = 1 + (t - 2)**2/8 is 5/4 at 2 + sqrt(2).
+    bell = Event(sp.frac(2 * x) - sp.Rational(1, 2), update={n: n + 1}, name="bell")
+    unknown = [Algebraic(a, a - sp.floor(x))] if back == a else []
+    system = System({x: sp.Rational(1, 2) + t / 4 - back}, time=t, events=[bell], algebraic=unknown)
+    run = solve(system, (0, 3.8), {x: start}, method=method)
+    # From below x comes to 1 where t/2 + t**2/8 = 1/5, and frac(2x) steps from 1 to 0.
+    expected = [2 + np.sqrt(2)] if start == 1 else [-2 + np.sqrt(5.6), 2 + np.sqrt(2)]
+    np.testing.assert_allclose(run.event_times(switch="bell"), expected, atol=1e-9)
+    assert run["x"][-1] == pytest.approx(1 + 1.8**2 / 8, abs=1e-9) and not run.ambiguities
+
+
+@pytest.mark.parametrize("method", ["auto", "rk"])
+@pytest.mark.parametrize("start", [1, 0.8])
+@pytest.mark.parametrize("way", [1, -1])
+def test_stairs_that_rested_with_a_stick_are_on_the_side_to_which_it_lets_go(way, start, method):
+    # The force way*t/4 lets go at t = 2. From 1 downwards frac(2x) steps from 0 to 1, and carries the event, once.
+    bell = Event(sp.frac(2 * x) - sp.Rational(1, 2), update={n: n + 1}, name="bell")
+    rates = {x: way * t / 4 - sp.sign(x - 1) / 2, y: sp.frac(2 * x)}
+    run = solve(System(rates, time=t, events=[bell]), (0, 3), {x: start, y: 0}, method=method)
+    assert run.success and run["x"][-1] == pytest.approx(1 + way / 8, abs=1e-9)
+    # From below it comes to 1 at an instant of its own, where 0.8 + t/2 + way*t**2/8 is 1.
+    came = brentq(lambda s: s / 2 + way * s**2 / 8 - 0.2, 0, 1) if start == 0.8 else 0.0
+    met = ([came] if start == 0.8 else []) + ([2] if way == -1 else [])
+    np.testing.assert_allclose(run.event_times(switch="bell"), met, atol=1e-7)
+    rise = 2 * (0.8 * came + came**2 / 4 + way * came**3 / 24) - came
+    left = 1 / 12 if way == 1 else 11 / 12
+    assert run["y"][-1] == pytest.approx((rise if start == 0.8 else 0) + left, abs=1e-9)

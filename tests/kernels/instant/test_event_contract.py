@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, Family, Memory, Switch, System, Unilateral, solve
+from pwsmooth import Drive, Event, Family, Memory, Switch, System, Unilateral, solve
 
 t, x, y, v, z = sp.symbols("t x y v z", real=True)
 HALF = sp.Rational(1, 2)
@@ -108,6 +108,19 @@ def test_a_parameter_may_set_the_clock():
 
 
 # ---- one instant
+
+
+@PATHS
+def test_a_sample_of_a_drive_acts_with_the_events_of_its_instant(method):
+    # The tick takes d + x - 1/2 down to -1/2 by itself, the sample up to 5/2, both together to 3/2.
+    d = sp.Symbol("d")
+    tick = Event(every=1, update={x: 0})
+    bell = Event(d + x - HALF, update={x: 7}, name="bell")
+    step = Drive([0, 1, 4], [0, 2, 2], kind="hold")
+    run = solve(
+        System({x: 0 * y, y: -y}, events=[tick, bell], drives={d: step}), (0, 2.5), {x: 1, y: 1}, method=method
+    )
+    assert run.event_times(switch="bell").size == 0 and run["x"][-1] == 0
 
 
 def test_events_of_one_instant_read_the_values_before():

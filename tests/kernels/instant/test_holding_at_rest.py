@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
 
-from pwsmooth import Disc, Switch, System, Unilateral, solve
+from pwsmooth import Disc, Event, Switch, System, Unilateral, solve
 from pwsmooth.laws.friction import StaticKinetic
 from pwsmooth.scenes import assemble
 
@@ -63,6 +63,23 @@ def test_a_load_that_vanishes_at_rest_lets_go(method):
     system = System({v: step(1, t > 2) - sp.Max(0, y) * sp.sign(v), y: step(-1, t < 1)}, time=t)
     run = solve(system, (0, 3), {v: 0, y: 0.5}, method=method, strict=True)
     assert run.success and run["v"][-1] == pytest.approx(1, abs=1e-9)
+
+
+@pytest.mark.parametrize("ends", ["by a kick", "by a clock", "by a clock, pushed back"])
+@pytest.mark.parametrize("slips", [False, True])
+def test_a_load_that_ends_beside_a_disc_lets_go(slips, ends):
+    # At t = 1 the friction of w loses its load, and w goes as the push sin(t)/4; the disc does not act on it.
+    disc, table = Disc("disc", (a, b)), Unilateral(z, restitution=0, name="table")
+    way = -1 if ends == "by a clock, pushed back" else 1
+    load = table.reaction / 2 if ends == "by a kick" else step(sp.Rational(1, 2), t < 1)
+    rates = {z: v, v: -1 + table.reaction, w: way * sp.sin(t) / 4 - load * sp.sign(w - sp.Rational(1, 4))}
+    rates |= {a: sp.sin(2 * t) / 2 - disc[0], b: sp.sin(2 * t + 1) / 2 - disc[1]}
+    kick = [Event(at=1, update={v: v / 2 + sp.Rational(1, 2)})] if ends == "by a kick" else []
+    start = {z: 0, v: 0, w: 0.25, a: 0.0, b: 5.0 if slips else 0.0}
+    run = solve(System(rates, time=t, events=kick), (0, 1.9), start)
+    assert run.success and not run.ambiguities
+    assert run["w"][-1] == pytest.approx(0.25 + way * (np.cos(1) - np.cos(1.9)) / 4, abs=1e-9)
+    assert sum(event.kind != "crossing" and "w" in str(event) for event in run.events) == 1
 
 
 @pytest.mark.parametrize(("push", "brake", "load", "end"), [(1, 0.3, 0, 1.3), (0, 0, 1, 0.0), (0.5, 0, 1, 0.0)])

@@ -484,3 +484,92 @@ def test_stairs_that_stand_in_stairs_on_both_of_whose_sides_these_are_met_let_th
         ):
             run = solve(system, (0, 2), {x: start})
             assert run.success and run["x"][-1] == pytest.approx(0.5, abs=1e-12) and not run.ambiguities
+
+
+@METHODS
+@pytest.mark.parametrize("begin", ["at once", "by a tick"])
+@pytest.mark.parametrize("direction", [-1, 0, 1])
+def test_states_that_move_alike_fire_nothing_on_their_difference(direction, begin, method):
+    # x and y are the same function of time up to rounding, from the start or from when both are set to one value.
+    apart = Event((x - y) / 2, direction=direction, update={n: n + 1})
+    level = 1 / 3 if begin == "at once" else 1 / 7
+    alike = Event(at=1 / 2, update={x: level, y: level})
+    pushed = sp.sin(2 * t + 0.75)
+    for push in (pushed, pushed / 2 + sp.sign(v + 3) / 2):
+        rates = {x: (y + v) / 2 - x + push, y: (v + x) / 2 - y + push, v: -v}
+        events = [apart] if begin == "at once" else [apart, alike]
+        for start in (0.75, 0.7, 0.3, 1 / 3):
+            ahead = 0.0 if begin == "at once" else 0.5
+            values = {x: start + ahead, y: start, v: -0.75}
+            run = solve(System(rates, time=t, events=events), (0, 10), values, method=method)
+            assert run.success and run["n"][-1] == 0
+
+
+def arrivals(level, start, g, f, omega, phase, end):
+    """When y comes to `level`, for y' = f sin(omega t + phase) + (1 - f)/2 exp(-t) - g sign(y - level)."""
+    met, at, off, side = [], 0.0, start - level, 1.0 if start > level else -1.0
+
+    def force(s):
+        return f * np.sin(omega * s + phase) + (1 - f) / 2 * np.exp(-s)
+
+    def impulse(s):
+        return -f / omega * np.cos(omega * s + phase) - (1 - f) / 2 * np.exp(-s)
+
+    def first(function):
+        times = np.arange(at + 1e-3, end, 1e-3)
+        found = np.flatnonzero(function(times) < 0)
+        return brentq(function, times[found[0]] - 1e-3, times[found[0]]) if len(found) else None
+
+    def above(s):
+        return side * (off + impulse(s) - impulse(at)) - g * (s - at)
+
+    def hold(s):
+        return g - abs(force(s))
+
+    while True:
+        came = first(above)
+        if came is None:
+            return met
+        met.append(came)
+        at, off = came, 0.0
+        if hold(at) > 0:
+            at = first(hold)
+        if at is None:
+            return met
+        side = 1.0 if force(at) > 0 else -1.0
+
+
+@METHODS
+def test_an_event_on_what_several_frictions_hold_fires_as_they_come_there_and_never_as_they_let_go(method):
+    # All three are alike. Some steps end far within what was tried, and the pair fits zeros of one instant apart.
+    bell = Event(y - c, update={n: n + 1}, name="bell")
+    f, omega, phase, g = sp.symbols("f omega phase g")
+    rates = {
+        u: (w + z) / 2 - u - g * sp.sign(u - w / 2 - c / 2) + f * sp.sin(omega * t + phase) + (1 - f) * q / 2
+        for u, w, z in ((x, y, v), (y, v, x), (v, x, y))
+    }
+    system = System(rates | {q: -q}, time=t, parameters={c: 0, f: 1, omega: 1, phase: 0, g: 1}, events=[bell])
+    rng = np.random.default_rng(1)
+    for k in range(60):
+        values = {c: rng.uniform(-1, 1) if k % 2 else -0.5, f: rng.uniform(0.3, 1), omega: rng.uniform(0.5, 4)}
+        values |= {phase: rng.uniform(-1, 1), g: rng.uniform(0.5, 0.9)}
+        run = solve(system, (0, 8), {x: 0.2, y: 0.2, v: 0.2, q: 1}, parameters=values, method=method)
+        met = arrivals(values[c], 0.2, values[g], values[f], values[omega], values[phase], 8)
+        np.testing.assert_allclose(run.event_times(switch="bell"), met, atol=1e-7)
+
+
+@METHODS
+@pytest.mark.parametrize("unknown", [False, True])
+@pytest.mark.parametrize("start", [1.3, 1.25, 1.2])
+def test_stairs_that_move_the_rates_by_themselves_too_hold_with_what_jumps_with_them(start, unknown, method):
+    # Above 5/4 the rate is -0.0225, below 0.3525. The tooth steps where floor(4x + 1) is 5.5: there z is 1/8.
+    tread = -x + sp.floor(4 * x + 1) / 4
+    z = a if unknown else tread
+    rates = {x: (1 - x) / 2 + c + sp.frac(z - x / 2 + sp.Rational(1, 2)) / 2, y: z / 2 - y}
+    system = System(rates, algebraic=[Algebraic(a, a - tread)] if unknown else [], parameters={c: 0.04})
+    begin = (0, 4) if start == 1.25 else (0, 9)
+    run = solve(system, begin, {x: start, y: 0}, method=method)
+    assert run.success and run["x"][-1] == pytest.approx(1.25, abs=1e-12)
+    if start == 1.25:
+        assert not run.ambiguities
+        assert run["y"][-1] == pytest.approx((1 - np.exp(-4)) / 16, abs=1e-9)
