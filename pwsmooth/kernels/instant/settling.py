@@ -382,7 +382,7 @@ def _has_no_load(P, S, W, j):
 
 @kernel
 def let_go_without_load(P, S, R, W):
-    """Sticks without a load are no longer solved for, with which nothing else could be: they go where they are moved."""
+    """Sticks without a load are no longer solved for, with which nothing else could be: they go where all else does."""
     for j in range(P.m):
         if S.status[j] != SOLVED or P.kind[j] != SLIDING or is_coupled(P, S, W, j):
             continue
