@@ -203,8 +203,9 @@ def _note_rounding(P, C, S, W):
     """Overwrites meeting.rounding and blur: what roundings may make of each surface on which the step begins, and a
     unit of time of it; 0 of others.
 
-    They are those of what the surface is made of, of the terms of its series and of all that adds up to the rates. A fit
-    makes of the roundings of its nodes some thousands of them. Switches are looked at where something holds the motion.
+    They are those of what the surface is made of, of the terms of its series and of all that adds up to the rates. A
+    fit makes of the roundings of its nodes some thousands of them. Switches are looked at where something holds the
+    motion.
     """
     begins, first = False, P.m
     for j in range(P.m):

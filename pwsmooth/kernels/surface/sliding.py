@@ -267,8 +267,9 @@ def surface_rounding(P, S, j, W):
 
 @kernel
 def _shift(P, S, W, turns):
-    """Overwrites W.shifted_x and W.shifted_mult: all that rates are made of, changed by a small part of the largest that
-    it has been, or of what it is where a power may have its branch point; where it `turns` by turns up and down."""
+    """Overwrites W.shifted_x and W.shifted_mult: all that rates are made of, changed by a small part of the largest
+    that it has been, or of what it is where a power may have its branch point; where it `turns` by turns up and down.
+    """
     up = _PART
     for i in range(P.n):
         W.shifted_x[i] = S.x[i] + up * (W.size[i] if P.watches == 0 else abs(S.x[i]))
