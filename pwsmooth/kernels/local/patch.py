@@ -271,6 +271,7 @@ def gather(A, P, C, S, W, t):
             S.deflate[j] = A.deflate[i, b] if known else 0
             W.meeting.widest[j] = A.widest[i, b]
             W.meeting.tau[j] = NO_ROOT
+            W.meeting.rounding[j] = W.meeting.blur[j] = 0.0
         S.minute = max(S.minute, A.minute[i])
     for k in range(M, places):
         i = T.member[k]

@@ -33,6 +33,17 @@ REST = 2e-7  # a slower rebound is rest
 STOP = 1e-9  # a slip in a disc that is slower has stopped
 NUDGE = 2e-7  # slip with which a disc lets go
 MOST = 400  # instants of a run that is judged
+_EARLY = (
+    1e-4,
+    1e-3,
+    0.01,
+    0.03,
+    0.1,
+    0.2,
+    0.4,
+    0.6,
+    0.8,
+)  # shares of a sample: where what has left 0 is looked at
 SECONDS = 10  # of the processor, for a run that is judged
 TOO_SLOW = "reference too slow"
 
@@ -505,7 +516,14 @@ class Run:
                     if first < math.inf:
                         break
                 if not all(armed):
-                    armed = [a or (h > by) - (h < -by) for a, h, by in zip(armed, now, seen)]
+                    told = [a or (h > by) - (h < -by) for a, h, by in zip(armed, now, seen)]
+                    new = [k for k in range(len(told)) if told[k] != armed[k]]
+                    for share in _EARLY if new else ():
+                        u = before[0] + share * (s - before[0])
+                        early = self.watch(u, dense(u), P)
+                        if any(told[k] * early[k] < -seen[k] for k in new):
+                            raise UndecidedError("instants close to each other")
+                    armed = told
                 last, before = before, (s, now)
             stop = min(first, steps.t)
             while at < len(instants) and instants[at] < stop:
