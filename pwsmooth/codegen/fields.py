@@ -75,10 +75,24 @@ def surfaces(graph: Graph) -> list[int]:
 
 
 def _size_of_unknowns(graph: Graph, surface: int) -> int:
-    """How large the parts of a surface are in which unknowns stand: the sum of |dh/da a|."""
-    unknown = [j for j in graph.variables(surface, "mult") if graph.model.multipliers[j].kind == "algebraic"]
-    parts = [(derivative(graph, surface, a), a) for a in (graph.var("mult", j) for j in unknown)]
-    return graph.sum([(1.0, graph.fun("fabs", graph.mul(slope, a))) for slope, a in parts])
+    """How large the parts of a surface are in which unknowns stand: of each |dh/da| by what the terms of its equation
+    g = 0 add up to, over |dg/da|. An unknown that is 0 is known to the rounding of what cancels in it."""
+    parts = []
+    for j in graph.variables(surface, "mult"):
+        if graph.model.multipliers[j].kind != "algebraic":
+            continue
+        a, equation = graph.var("mult", j), graph.expression(graph.model.multipliers[j].condition)
+        op, args, factors = graph.nodes[equation]
+        terms = zip(factors, args, strict=True) if op == "sum" else [(1.0, equation)]
+        size, own = (
+            graph.sum([(abs(c), graph.fun("fabs", term)) for c, term in terms]),
+            derivative(graph, equation, a),
+        )
+        if own == graph.zero:  # other equations tell of it
+            size, own = graph.fun("fabs", a), graph.one
+        ratio = graph.div(derivative(graph, surface, a), own)
+        parts.append((1.0, graph.mul(size, graph.fun("fabs", ratio))))
+    return graph.sum(parts)
 
 
 def write_fields(model: Model) -> dict[str, str]:

@@ -245,7 +245,7 @@ def surface_size(P, S, j, W):
     for e in range(P.dh_row[j], P.dh_row[j + 1]):
         if S.x[P.dh_col[e]] != 0.0:  # where a root has its branch point its slope is infinite
             total += abs(W.dh[e] * S.x[P.dh_col[e]])
-    if P.unknowns[j] >= 0:
+    if P.unknowns[j] >= 0 and W.dh[P.unknowns[j]] < math.inf:
         total += W.dh[P.unknowns[j]]
     return total
 
