@@ -30,21 +30,28 @@ _LEAST_LEFT, _MOST_LEFT = 1e-3, 0.1  # of the time to rest, by a step towards it
 
 
 @kernel
-def is_stiff(P, S, W, h):
-    """(Whether explicit steps have been as short as a slow slip makes them, for how long it stays slow), by the slopes
-    that come_to_rest_in_disc has left."""
-    rows, all_rows, stiff, longest = W.step.rows, surface_rows(P, W.step.kind), False, math.inf
-    least = _LEAST * time_size(S)
-    none = not h > least  # also where the series are no numbers
-    if none:
-        h = least
+def _note_slow(P, S, W, h):
+    """Overwrites onset.slow: slips so slow that over a step of length h their direction forgets what it was; whether
+    there are any. None is given up."""
+    rows, all_rows, some = W.step.rows, surface_rows(P, W.step.kind), False
     for j in range(P.m):
         W.onset.slow[j], W.onset.allowed[j] = 0, 0.0
         if P.kind[j] == DISC and S.status[j] == 1:
             size = math.sqrt(at(rows[all_rows[j]], 0))
             W.onset.slow[j] = 1 if h * pull_of(P, W, j) > _STIFF * size else 0
-            stiff = stiff or W.onset.slow[j] != 0
-    W.onset.stiff = W.onset.stiff + 1 if stiff else 0
+            some = some or W.onset.slow[j] != 0
+    return some
+
+
+@kernel
+def is_stiff(P, S, W, h):
+    """(Whether explicit steps have been as short as a slow slip makes them, for how long it stays slow), by the slopes
+    that come_to_rest_in_disc has left."""
+    rows, all_rows, longest, least = W.step.rows, surface_rows(P, W.step.kind), math.inf, _LEAST * time_size(S)
+    none = not h > least  # also where the series are no numbers
+    if none:
+        h = least
+    W.onset.stiff = W.onset.stiff + 1 if _note_slow(P, S, W, h) else 0
     if W.onset.wait > 0 and not none:
         W.onset.wait -= 1
         return False, longest
@@ -55,13 +62,7 @@ def is_stiff(P, S, W, h):
             square, slope, bend = at(rows[all_rows[j]], 0), at(rows[all_rows[j]], 1), at(rows[all_rows[j]], 2)
             longest = min(longest, 4.0 * square / (abs(slope) + 1e-300))
             longest = min(longest, math.sqrt(4.0 * square / (abs(bend) + 1e-300)))
-    for j in range(P.m):
-        if (
-            P.kind[j] == DISC
-            and S.status[j] == 1
-            and longest * pull_of(P, W, j) > _STIFF * math.sqrt(at(rows[all_rows[j]], 0))
-        ):
-            W.onset.slow[j] = 1  # over so long a step
+    _note_slow(P, S, W, longest)
     return not longest <= WORTH * h, longest if longest < math.inf else math.inf
 
 
