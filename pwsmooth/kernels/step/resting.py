@@ -23,6 +23,7 @@ _BLURRED = 1e-10  # of what a surface is made of that is no state: its roundings
 _FAR = 8.0  # by how much later than the last slope of |h| tells it may come to rest
 _STIFF = 2.5  # of |h| over the friction: over a step as long the direction of the slip forgets what it was
 _LOST = 10.0  # tolerances of h: a slip that has never been more is given up after many stiff steps
+_FALLEN = 1e-6  # of its largest |h|^2: what is less is given up after a few
 _SEEN = 5  # such steps in a row
 _LEAST = 1e-13  # of the time: an explicit step as short is none
 WORTH, PATIENCE = 20.0, 50  # explicit steps: what a collocation step costs, and until it is tried again
@@ -181,7 +182,7 @@ def come_to_rest_in_disc(P, C, S, R, W, h):
             first += at(rows[all_rows[k]], 1) ** 2
         early, late, tolerance = _near_rest(P, C, S, W, j)
         blurred = square <= W.meeting.blurred[j] ** 2 and square < W.meeting.widest[j]
-        given_up = W.onset.stiff > (_SEEN if slope < 0.0 else PATIENCE)
+        given_up = W.onset.stiff > (_SEEN if square <= _FALLEN * W.meeting.widest[j] else PATIENCE)
         lost = given_up and W.meeting.widest[j] <= (_LOST * tolerance) ** 2
         lost = lost and h * pull_of(P, W, j) > _STIFF * math.sqrt(square)
         if lost or blurred or square <= ticks * ticks * first:
