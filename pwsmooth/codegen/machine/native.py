@@ -91,7 +91,7 @@ def _assigned(statements) -> set[str]:
 class Function:
     """Translates one function definition."""
 
-    kinds = KINDS
+    kinds, always_fuses = KINDS, False
 
     def __init__(self, module: Module, node: ast.FunctionDef, callee: Callee):
         self.module, self.returned, self.fuses = module, callee.returned, module.fuses
@@ -353,7 +353,7 @@ class Module:
         self.declarations: dict[str, str] = {}
         self.definitions: dict[str, str] = {}
         nodes = self.read(text)
-        self.fuses = self.constants.get("FUSES", False)
+        self.fuses = self.constants.get("FUSES", translated.always_fuses)
         self.define(nodes, suffix, inside)
 
     def __str__(self) -> str:

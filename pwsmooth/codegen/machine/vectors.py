@@ -66,7 +66,7 @@ def vcos(x: V) -> V:
 class Function(native.Function):
     """Translates one function definition with vectors."""
 
-    kinds = KINDS
+    kinds, always_fuses = KINDS, True
 
     def vector(self, value: Value) -> bool:
         return WIDTHS.get(value.kind, 0) > 0
@@ -209,7 +209,7 @@ class Function(native.Function):
 
 def build(text: str, first: bool = False) -> bytes:
     """Object code of a generated text with vectors for this machine."""
-    return native.object_code(f"FUSES = True\n{text}", first, Function)
+    return native.object_code(text, first, Function)
 
 
 def load(text: str, sizes: tuple[int, ...] = (), tables: tuple[Table, ...] = ()) -> objects.Code:
