@@ -246,9 +246,10 @@ class ModelsByValues:
     def at(self, parameters):
         """The model in which switches can hold that can at these values, or that of the field if it lets them."""
         values = tuple(parameters[p] for p in self._field.parameters)
-        if self._last is None or self._last[0] != values:
-            self._last = values, self._at(replace(self._field, typical=values))
-        return self._last[1]
+        last = self._last  # read once: another thread may ask at other values
+        if last is None or last[0] != values:
+            last = self._last = values, self._at(replace(self._field, typical=values))
+        return last[1]
 
     def _at(self, there):
         if (holding := _holding(there)) <= self._here:

@@ -104,10 +104,8 @@ class Meeting(Bundle):
     grazed: "f8[m + ne]"  # where in the step each surface is grazed, in [0, 1]; 2 = not grazed
     graze_crosses: "i8[m + ne]"  # and whether it counts as crossed
     widest: "f8[m + ne]"  # largest |h| of each surface so far
-    rounding: (
-        "f8[m + ne]"  # what roundings make of each surface on which a step begins, and a unit of time of it
-    )
-    blur: "f8[m + ne]"
+    rounding: "f8[m + ne]"  # what roundings make of each surface on which a step begins
+    blur: "f8[m + ne]"  # and by how much more for each unit of time that the step takes
     blurred: "f8[m]"  # |h| of discs next to which 0 is not told from
     rhythm: "f8[3*m + 3*ne + 1, 2]"  # see rhythm.py
 

@@ -141,9 +141,7 @@ from .surface_rates import (
 # tolerance say so, and it slides to second order from then on. Switchings that accumulate at an instant come to it
 # with fewer.
 _MOST_MINUTE = 10_000
-_OF_A_FIT = (
-    1e-6  # of a step of the pair: by so much its fit may tell one of several zeros of an instant too late
-)
+_OF_A_FIT = 1e-6  # of a step of the pair: by so much its fit may tell zeros of one instant apart
 
 
 @kernel

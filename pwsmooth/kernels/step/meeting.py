@@ -200,21 +200,21 @@ def _begins_on(P, S, W, i):
 
 @kernel
 def _note_rounding(P, C, S, W):
-    """Overwrites meeting.rounding and blur: what roundings may make of each surface on which the step begins, and a
-    unit of time of it; 0 of others.
+    """Overwrites meeting.rounding and blur: what roundings may make of each surface on which the step begins, and by
+    how much more for each unit of time that it takes; 0 of others.
 
     They are those of what the surface is made of, of the terms of its series and of all that adds up to the rates. A
     fit makes of the roundings of its nodes some thousands of them. Switches are looked at where something holds the
     motion.
     """
     begins, first = False, P.m
+    for i in range(P.m + P.ne):
+        W.meeting.rounding[i] = W.meeting.blur[i] = 0.0
     for j in range(P.m):
-        W.meeting.rounding[j] = W.meeting.blur[j] = 0.0
         if S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC:
             first = 0
     part, followed = (_ROUNDING_OF_A_FIT, _FOLLOWED) if P.pair != 0 else (_ROUNDING_OF_A_SERIES, 1.0)
     for i in range(first, P.m + P.ne):
-        W.meeting.rounding[i] = W.meeting.blur[i] = 0.0
         begins = begins or _begins_on(P, S, W, i)
     if not begins:
         return
@@ -242,9 +242,8 @@ def rested_on(P, S, W, i):
         return False
     moved, power, length = 0.0, 1.0, W.step.length
     if W.step.kind == PAIR and W.step.sliding != 0:
-        length = min(
-            length, W.end.length
-        )  # its fit has been made anew up to there, and of what is held it has roundings
+        # Its fit has been made anew up to there, and of what is held it has roundings.
+        length = min(length, W.end.length)
     for k in range(1, _RESTING):
         power *= length
         moved += abs(W.step.rows[row, k]) * power
