@@ -22,6 +22,7 @@ from ..state import (
     EV_RESET,
     GO_ON,
     HELD,
+    MEMORY,
     SECOND_ORDER,
     SET,
     SLIDING,
@@ -571,7 +572,7 @@ def step_inside(P, S, j, W):
         part = abs(W.dh[e] * S.x[P.dh_col[e]])
         total += part
         way += abs(S.x[P.dh_col[e]]) + (abs(S.t) + S.step) * abs(W.dx[P.dh_col[e]])
-        if part > most:
+        if part > most and P.holder[P.dh_col[e]] != MEMORY:
             best, most = e, part
     side = float(S.status[j])
     if best >= 0 and side * W.h[j] < 4e-16 * total:

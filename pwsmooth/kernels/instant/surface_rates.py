@@ -17,6 +17,7 @@ from ..state import (
     GROWS,
     HELD,
     KINK,
+    MEMORY,
     SECOND_ORDER,
     SLIDING,
     SOLVED,
@@ -361,6 +362,9 @@ def stop_normal_speed(P, S, j, W, contact):
         speed = approach_speed(P, S, j, W)
         square = 0.0
         for i in range(P.n):
+            if P.holder[i] == MEMORY:
+                W.instant.gradient[i] = 0.0
+                continue
             keep = S.x[i]
             step = 1e-6 * (1.0 + abs(keep))
             S.x[i] = keep + step

@@ -15,7 +15,7 @@ from ..instant.accumulation import at_once_within
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.lanes import load8, store8
 from ..machine.pointers import at, call_fields, call_linear
-from ..state import HELD, SLIDING, SOLVED
+from ..state import HELD, MEMORY, SLIDING, SOLVED
 from ..step.roots import NO_ROOT
 from ..step.steps import dot, powers
 from .members import number_of
@@ -149,6 +149,7 @@ def shape(A, P, C, W):
         P.p[E.shared_fixed[b] + E.shared_blocks[b] * places] = E.shared[b]
     for b in range(E.ns):
         for s in range(places):
+            P.holder[b * places + s] = MEMORY if b >= E.ns - E.memories else -1
             C.atol[b * places + s] = W.step.atol[b * places + s] = E.atol[b] if s < M else _GIVEN
     W.meeting.rhythm[:, 0] = 0.0
     W.meeting.rhythm[:, 1] = 1.0

@@ -18,6 +18,7 @@ class Kind(Bundle):
     ns: "int"
     nm: "int"
     ne: "int"
+    memories: "int"  # the last ones of the states
     np: "int"
     nr: "int"
     walls: "int"  # 1: nothing that others read of an element depends on its neighbours while it sticks

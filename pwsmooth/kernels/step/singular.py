@@ -24,6 +24,7 @@ from ..state import (
     GO_ON,
     HELD,
     KINK,
+    MEMORY,
     PAIR,
     SECOND_ORDER,
     Control,
@@ -86,10 +87,11 @@ def _speed_at(P, S, W, i, share):
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     square = 0.0
     for e in range(P.dh_row[row], P.dh_row[row + 1]):
-        square += W.dh[e] ** 2
+        square += W.dh[e] ** 2 if P.holder[P.dh_col[e]] != MEMORY else 0.0
     value = W.h[row]
     for e in range(P.dh_row[row], P.dh_row[row + 1]):
-        S.x[P.dh_col[e]] -= (1.0 - share) * W.dh[e] * value / square
+        if P.holder[P.dh_col[e]] != MEMORY:
+            S.x[P.dh_col[e]] -= (1.0 - share) * W.dh[e] * value / square
     if P.watch_state[i] >= 0 and share == 0.0:
         S.x[P.watch_state[i]] = 0.0
     j = _kink_at(P, i) if share == 0.0 else -1

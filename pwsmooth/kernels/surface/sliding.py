@@ -11,7 +11,7 @@ from numba import types
 from ..intervals import time_size
 from ..machine.compiling import inlined_kernel, kernel, unit
 from ..machine.pointers import call_act, call_fields, call_linear, call_newton
-from ..state import ALGEBRAIC, BY_ACT, COMPONENT, CONTACT, DISC, SECOND_ORDER, SOLVED, Problem, State
+from ..state import ALGEBRAIC, BY_ACT, COMPONENT, CONTACT, DISC, MEMORY, SECOND_ORDER, SOLVED, Problem, State
 from ..work import Work
 from .sparse import entry, solve_dense, solve_masked
 
@@ -123,8 +123,11 @@ def mask_instant(P, S, W):
 
 @inlined_kernel
 def _is_kept(P, S, i, j):
-    """Whether state i is 0 as the surface of another multiplier that is solved for, but for those of the disc of j."""
+    """Whether state i is a memory, or 0 as the surface of another multiplier that is solved for, but for those of the
+    disc of j."""
     k = P.holder[i]
+    if k == MEMORY:
+        return True
     return k >= 0 and S.status[k] == SOLVED and k != j and (P.disc_of[k] < 0 or P.disc_of[k] != P.disc_of[j])
 
 
