@@ -232,6 +232,19 @@ def test_tables_pictures_and_text_leave_the_cell_of_the_record_out():
     assert not any("cell of" in str(told) for told in (run, run.to_dataframe().columns, run._none_of_these))
 
 
+@pytest.mark.parametrize("method", ["auto", "rk"])
+def test_an_event_is_met_where_the_run_starts_at_a_knot_and_on_its_surface(method):
+    drive = Drive([64, 64.5, 65, 65.5], [-0.58, 0.35, 0.78, 0.88], kind="line")
+    latch = Memory("latch", 0)
+    system = System(
+        {y: u - 0.3 - 4 * (t - 64.5)}, time=t, drives={u: drive}, events=[Event(y, update={latch: latch + 1})]
+    )
+    run = solve(system, (64.5, 65), {y: 0}, method=method)
+    # y = 0.05 s - 1.57 s^2 behind the knot.
+    assert run["latch"][-1] == 1
+    np.testing.assert_allclose(run.event_times(), [64.5 + 0.05 / 1.57], rtol=1e-12)
+
+
 def test_a_saved_solution_has_its_record(tmp_path):
     drive = Drive(TIMES, VALUES)
     rate = sp.Symbol("rate", real=True)

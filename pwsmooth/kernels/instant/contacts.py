@@ -537,7 +537,10 @@ def closed_move(P, S, W):
 
 @kernel
 def stop_closed(P, S, W):
-    """Puts every closed contact exactly on its gap's zero, and takes from the state what is left of the gaps' rates."""
+    """Puts every closed contact exactly on its gap's zero, and takes from the state what is left of the gaps' rates.
+
+    That acts with its friction: states that something keeps at 0 are put there again.
+    """
     contacts = W.contacts
     size = 0
     for c in range(len(P.contact)):
@@ -558,3 +561,6 @@ def stop_closed(P, S, W):
         for a in range(size):
             if contacts.impulse[a] != 0.0:
                 kick(P, S, W, contacts.touching[a], contacts.impulse[a])
+        for i in range(P.n):
+            if P.holder[i] >= 0 and S.status[P.holder[i]] == SOLVED:
+                S.x[i] = 0.0

@@ -204,7 +204,9 @@ def _moment(S, W):
 @kernel
 def note_surfaces(P, S, W):
     """Overwrites instant.stood and firing.slack: the surfaces at S, before something at this instant may move them, and
-    what those of events change by in the rounding of time."""
+    what those of events change by in the rounding of time. Unknowns are solved for, as they are after what moves them.
+    """
+    renew_unknowns(P, S, W)
     evaluate_surfaces(P, S, W)
     for i in range(P.m + P.ne):
         W.instant.stood[i] = W.h[i]

@@ -73,11 +73,20 @@ def newton(P, S, W):
 
 
 @inlined_kernel
+def _has_unit(P, j):
+    """Whether a multiplier is no number between -1 and 1, but has a unit."""
+    return P.kind[j] == ALGEBRAIC or P.kind[j] == CONTACT
+
+
+@inlined_kernel
 def _is_rounding_of_lambda(P, S, W):
-    """Whether residuals below 1e-14 are, in whatever units they stand, what roundings of the multipliers make."""
+    """Whether small residuals are, in whatever units they stand, what roundings of the multipliers make."""
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     for j in range(P.m):
-        if W.mask[j] and P.hidden[j] == 0 and not abs(W.g[j]) <= 1e-12 * abs(W.G[P.g_diagonal[j]]):
+        if W.mask[j] == 0 or (P.hidden[j] != 0 and not _has_unit(P, j)):
+            continue
+        told = 1e-14 * abs(S.mult[j]) if _has_unit(P, j) else 1e-12
+        if not abs(W.g[j]) <= told * abs(W.G[P.g_diagonal[j]]):
             return False
     return True
 
@@ -96,7 +105,7 @@ def follow(P, S, W):
         for j in range(P.m):
             # The rounding of a residual whose terms are of order 10; a multiplier is followed to rtol/100 at best.
             if W.mask[j] and W.g[j] != 0.0:
-                clean, exact = clean and abs(W.g[j]) <= 1e-14, False
+                clean, exact = clean and (_has_unit(P, j) or abs(W.g[j]) <= 1e-14), False
         if exact or (clean and _is_rounding_of_lambda(P, S, W)):
             return True
     return call_newton(P.newton_unit, P, S, W) != 0

@@ -570,7 +570,7 @@ class Writer:
         return {
             "sin": lambda: f"sp.sin({a})",
             "sign": lambda: f"(2*sp.Heaviside({a}) - 1)",
-            "H": lambda: f"sp.Piecewise((1, {a} > 0), (0, True))",
+            "H": lambda: f"(1 + sp.sign({a}))/2",
             "abs": lambda: f"sp.Max({a}, -{a})",
             "max": lambda: f"({a} + {b} + sp.Abs({a} - {b}))/2",
             "min": lambda: f"sp.Piecewise(({a}, {a} - ({b}) < 0), ({b}, True))",

@@ -41,6 +41,54 @@ def test_an_event_on_an_unknown_in_which_all_cancels_fires_once(method):
 
 
 @METHODS
+def test_an_event_on_an_unknown_fires_once_at_each_crossing(method):
+    # h = 2a + 1/2 - sign(y + 3/4)/2 is 2a throughout: a tenth of a rounding of what the unknown is made of is left of it.
+    system = System(
+        {x: m / 2 + a / 2 - x / 2, y: sp.sin(3 * t) / 2 - y / 2 + x / 2, q: y / 2 - q + x / 2 + 2 * sp.sin(3 * t - 1 / 4)},
+        time=t, algebraic=[Algebraic(a, a + c * a**3 - 2 * q)], parameters={c: 1},
+        events=[Event(2 * a + 1 / 2 - sp.sign(y + 3 / 4) / 2, update={m: 1 - m}, name="bell")],
+    )  # fmt: skip
+    for cubic in (0, 1):
+        run = solve(
+            system, (0, 10), {x: 0, y: 0.25, q: 0.3}, parameters={c: cubic}, method=method, dense_output=True
+        )
+        times, sides = run.event_times(switch="bell"), []
+        for before, after in zip([0, *times], [*times, 10], strict=True):
+            sides.append(np.sign(run(np.linspace(before, after, 9)[1:-1])[2]))
+        # Each fires where the unknown changes its sign, and nowhere else.
+        assert len(times) > 1 and all(abs(s.sum()) == 7 for s in sides)
+        assert all(s[0] == -s_next[0] for s, s_next in zip(sides, sides[1:], strict=False))
+
+
+@METHODS
+def test_no_rounding_moves_a_memory(method):
+    # A body that sticks to a belt whose speed is a memory, and a crossing in which one stands: both are put on surfaces.
+    belt, steps = Memory("belt", 0.3), Memory("steps", 1)
+    slip = sp.sign(v - 1.1 * belt - sp.sin(t) / 5)
+    system = System(
+        {y: v, v: 0.9 * sp.cos(1.3 * t) - y - slip, x: sp.floor(steps - c) + sp.sign(y + steps - 1)},
+        time=t, parameters={c: 0}, events=[Event(every=0.7, update={n: n + 1})],
+    )  # fmt: skip
+    run = solve(system, (0, 60), {y: 0, v: 0, x: 0}, method=method)
+    assert run.success and len(run.event_times(kind="stick")) > 10
+    assert set(run["belt"]) == {0.3} and set(run["steps"]) == {1.0}
+
+
+@METHODS
+def test_a_body_that_sticks_on_a_table_does_not_slip_for_a_rounding(method):
+    # What is left of the gap's rate is taken from the state by an impulse, which has its friction.
+    table = Unilateral(q, restitution=0.3)
+    system = System(
+        {q: v, v: sp.sin(2 * t) / 2 - 1 + table.reaction, w: 0.2 * sp.sin(3 * t) - table.reaction * sp.sign(w) / 2},
+        time=t, events=[Event(every=0.3, update={m: 1 - m}), Event(2 * w - sp.sin(5 * t) / 2, update={n: n + 1})],
+    )  # fmt: skip
+    run = solve(system, (0, 20), {q: 0.1, v: 0, w: 0.3}, method=method)
+    assert run.success and not run["w"][run.t > 5].any()
+    assert len([e for e in run.events if "slip" in e.kind]) == 0
+    assert run["n"][-1] == 32  # sin(5t) is 0 31 times, and w falls through its half once
+
+
+@METHODS
 def test_an_event_on_an_unknown_is_left_as_the_unknown_goes(method):
     # 2a + x/2 falls, as a does with a + a**3/4 = 1 - x, though x = t alone would raise it. It is 1 at x = 2 - 4a.
     bell = Event(2 * a + x / 2 - 1, direction=-1, update={n: n + 1}, name="bell")
