@@ -425,6 +425,8 @@ def find_end(P, C, S, R, W):
     if happened and step.kind == PAIR and h > 1e-11 * time_size(S):
         length = refine_by_pair(P, C, S, W, length)
         fraction = 0.5  # its powers are to be made
+        if length < 0.0:
+            length, happened, grazes = -length, False, False  # no zero is there
     if happened and step.time_row < 0 and P.inner != 0:
         length, fraction = refine_by_unknowns(P, C, S, W, length), 0.5
     if happened and step.time_row < 0 and S.ticks < len(C.clock):

@@ -216,7 +216,8 @@ def _first_met(P, W):
 
 @kernel
 def refine_by_pair(P, C, S, W, h):
-    """Overwrites the step by one that ends where the first surface is met, near h; returns its length, or nan."""
+    """Overwrites the step by one that ends where the first surface is met, near h; returns its length, or nan; where it
+    is not met near there, less the length of a shorter one that meets nothing."""
     return call_step(P.step_unit, P, C, S, W, h, _first_met(P, W))
 
 

@@ -42,9 +42,13 @@ def test_an_event_on_an_unknown_in_which_all_cancels_fires_once(method):
 
 @METHODS
 def test_an_event_on_an_unknown_fires_once_at_each_crossing(method):
-    # h = 2a + 1/2 - sign(y + 3/4)/2 is 2a throughout: a tenth of a rounding of what the unknown is made of is left of it.
+    # h = 2a + 1/2 - sign(y + 3/4)/2 is 2a throughout, of which a tenth of a rounding of what a is made of may be left.
     system = System(
-        {x: m / 2 + a / 2 - x / 2, y: sp.sin(3 * t) / 2 - y / 2 + x / 2, q: y / 2 - q + x / 2 + 2 * sp.sin(3 * t - 1 / 4)},
+        {
+            x: m / 2 + a / 2 - x / 2,
+            y: sp.sin(3 * t) / 2 - y / 2 + x / 2,
+            q: y / 2 - q + x / 2 + 2 * sp.sin(3 * t - 1 / 4),
+        },
         time=t, algebraic=[Algebraic(a, a + c * a**3 - 2 * q)], parameters={c: 1},
         events=[Event(2 * a + 1 / 2 - sp.sign(y + 3 / 4) / 2, update={m: 1 - m}, name="bell")],
     )  # fmt: skip
@@ -62,7 +66,7 @@ def test_an_event_on_an_unknown_fires_once_at_each_crossing(method):
 
 @METHODS
 def test_no_rounding_moves_a_memory(method):
-    # A body that sticks to a belt whose speed is a memory, and a crossing in which one stands: both are put on surfaces.
+    # A body that sticks to a belt whose speed is a memory, and a crossing in which one stands: both put on surfaces.
     belt, steps = Memory("belt", 0.3), Memory("steps", 1)
     slip = sp.sign(v - 1.1 * belt - sp.sin(t) / 5)
     system = System(

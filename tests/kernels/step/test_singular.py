@@ -263,20 +263,7 @@ def test_tanks_above_a_sill_come_to_one_level(method):
         assert solve(tanks, (0, 10), start, method=method).x[:, -1] == pytest.approx(end, abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    "method",
-    [
-        "taylor",
-        pytest.param(
-            "rk",
-            marks=pytest.mark.xfail(
-                reason="where a flow closes with no slope the pair's interpolant may be 0 a little earlier than the "
-                "motion, by roundings that differ between processors: then the run ends as CHATTERING",
-                strict=False,
-            ),
-        ),
-    ],
-)
+@METHODS
 def test_a_check_valve_closes_with_the_flow(method):
     # x/10 + y = 0.1 + (1 - (t - 1)^2)/2; d = x - y closes as (0.66 (1 - t))^2; shut from t = 1
     q = 1.5 * sp.sqrt(sp.Max(0, x - y))

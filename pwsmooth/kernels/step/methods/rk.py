@@ -10,13 +10,16 @@ import math
 import numpy as np
 from numba import types
 
+from ...intervals import time_size
 from ...machine.compiling import inlined_kernel, kernel, unit
 from ...machine.pointers import call_fields, call_linear, call_newton
 from ...state import CONTACT, SOLVED, Control, Problem, State
 from ...surface.pair import DEGREE, STAGES, TIMES, errors, interpolant, stage_point
-from ...surface.sliding import mask_solved, surface_size, surface_speed
+from ...surface.sliding import mask_solved, surface_rounding, surface_size, surface_speed
 from ...work import Work
+from ..steps import REACH
 
+_MOST_HALVES = 20
 _MINUTE = 1e-12  # of a surface's size: the height of an arc of a thousand roundings
 _DEFECT = 100.0  # of the tolerance: that of the interpolant, whose order is lower, over a step that is good
 _NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
@@ -237,6 +240,22 @@ def _end_of_minute_arc(P, C, S, W, i, h):
     return h
 
 
+@kernel
+def _stop_before(P, C, S, W, i, h):
+    """A step of h/2, h/4, ... that ends before surface i, which is looked for again from there; returns less its size,
+    or 0 if there is none."""
+    side = float(S.status[i] if i < P.m else S.side[i - P.m])
+    for _ in range(_MOST_HALVES):
+        h *= 0.5
+        _restore(P, S, W)
+        _rate(P, S, W, S.t, W.pair.k, 0)
+        if _try_step(P, C, S, W, h) < math.inf and side * W.h[i] > 0.0:
+            _polynomials(P, S, W, h)
+            W.pair.next_step = h
+            return -h
+    return 0.0
+
+
 @unit(types.float64, Problem, Control, State, Work, types.float64, types.int64)
 def step(P, C, S, W, h, refine):
     """A step of at most h, or one to the zero of a surface near h: the contract of this folder."""
@@ -301,6 +320,13 @@ def step(P, C, S, W, h, refine):
             slope = slope * h + c * row[c]
         change = value / slope if slope != 0.0 else 0.0
         if not abs(change) < 0.1 * h:
+            call_linear(P.linear, S.t + h, S.x, S.mult, P.p, W.G, W.dh)
+            held = refine < m and S.status[refine] == SOLVED
+            told = held or h <= REACH * time_size(S) or not abs(value) > surface_rounding(P, S, refine, W)
+            # Else the step itself is not 0 near there: what the polynomials are off by has made the zero.
+            shorter = 0.0 if told else _stop_before(P, C, S, W, refine, h)
+            if shorter < 0.0:
+                return shorter
             break
         h -= change
         if abs(change) <= 1e-15 * (abs(S.t) + h):
