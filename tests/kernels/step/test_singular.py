@@ -265,10 +265,15 @@ def test_tanks_above_a_sill_come_to_one_level(method):
 
 @METHODS
 def test_a_check_valve_closes_with_the_flow(method):
-    # x/10 + y = 0.1 + (1 - (t - 1)^2)/2; d = x - y closes as (0.66 (1 - t))^2; shut from t = 1
-    q = 1.5 * sp.sqrt(sp.Max(0, x - y))
-    run = solve(System({x: 10 * (1 - t - q), y: q}, time=t), (0, 2), [1, 0], method=method)
-    assert run.success and run.x[:, -1] == pytest.approx([6 / 11 - 5, 6 / 11], abs=1e-6)
+    # x/10 + y = d/10 + (1 - (t - 1)^2)/2; x - y, d at first, closes as (w (1 - t))^2 with a constant w; shut from t = 1
+    q = a * sp.sqrt(sp.Max(0, x - y))
+    valve = System({x: 10 * (1 - t - q), y: q}, time=t, parameters={a: 1})
+    rng = np.random.default_rng(4)
+    for k in range(12):
+        d, level = rng.uniform(0.1, 5), {a: rng.uniform(1, 4)}
+        run = solve(valve, (0, 2), [d, 0], parameters=level, method=method, rtol=(1e-6, 1e-9)[k % 2])
+        shut = (d / 10 + 0.5) / 1.1
+        assert run.success and run.x[:, -1] == pytest.approx([shut - 5, shut], abs=1e-5)
 
 
 @METHODS

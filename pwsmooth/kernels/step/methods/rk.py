@@ -20,6 +20,7 @@ from ...work import Work
 from ..steps import REACH
 
 _MOST_HALVES = 20
+_CONVERGED = 1e-6  # of a step: by so little a zero of the step moves at last, however good the slope is
 _MINUTE = 1e-12  # of a surface's size: the height of an arc of a thousand roundings
 _DEFECT = 100.0  # of the tolerance: that of the interpolant, whose order is lower, over a step that is good
 _NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
@@ -305,11 +306,12 @@ def step(P, C, S, W, h, refine):
     if refine < m and P.kind[refine] == CONTACT and S.status[refine] != SOLVED and S.deflate[refine] != 0:
         arc = _end_of_minute_arc(P, C, S, W, refine, h)
         h = arc if arc > 0.0 else h
+    value, change, bound = 0.0, 0.0, refine < m and S.status[refine] == SOLVED
     for _ in range(8 if arc == 0.0 else 0):
         _restore(P, S, W)
         if not _try_step(P, C, S, W, h) < math.inf:
             return math.nan
-        if refine < m and S.status[refine] == SOLVED:
+        if bound:
             row = W.step.rows[n + refine]
             value = S.mult[refine] - (float(W.meeting.exit_side[refine]) if P.kind[refine] < CONTACT else 0.0)
         else:
@@ -320,17 +322,16 @@ def step(P, C, S, W, h, refine):
             slope = slope * h + c * row[c]
         change = value / slope if slope != 0.0 else 0.0
         if not abs(change) < 0.1 * h:
-            call_linear(P.linear, S.t + h, S.x, S.mult, P.p, W.G, W.dh)
-            held = refine < m and S.status[refine] == SOLVED
-            told = held or h <= REACH * time_size(S) or not abs(value) > surface_rounding(P, S, refine, W)
-            # Else the step itself is not 0 near there: what the polynomials are off by has made the zero.
-            shorter = 0.0 if told else _stop_before(P, C, S, W, refine, h)
-            if shorter < 0.0:
-                return shorter
             break
         h -= change
         if abs(change) <= 1e-15 * (abs(S.t) + h):
             break
+    if not (bound or abs(change) < _CONVERGED * h) and h > REACH * time_size(S):
+        call_linear(P.linear, S.t + h, S.x, S.mult, P.p, W.G, W.dh)
+        # The step itself may not be 0 near there: what the polynomials are off by has made the zero.
+        shorter = _stop_before(P, C, S, W, refine, h) if abs(value) > surface_rounding(P, S, refine, W) else 0.0
+        if shorter < 0.0:
+            return shorter
     _restore(P, S, W)
     _rate(P, S, W, S.t, pair.k, 0)
     if not h > 1e-15 * abs(S.t):
