@@ -288,6 +288,29 @@ def stays_at_zero(P, S, R, W, j):
 
 
 @kernel
+def _sum_of_nested(P, W):
+    """A number that changes with any surface in which multipliers stand."""
+    total = 0.0
+    for i in range(P.m + P.ne):
+        total += (1.0 + 0.1 * i) * W.h[i] if P.nested[i] != 0 else 0.0
+    return total
+
+
+@kernel
+def _moves_surfaces(P, S, W, j):
+    """Whether another surface changes where switch j takes the side that it has at 0."""
+    came, at = S.mult[j], side_at_zero(P, S, j)
+    if at == ANY or at == BOTH or float(at) == came:
+        return False
+    S.mult[j] = float(at)
+    evaluate_surfaces(P, S, W)
+    there = _sum_of_nested(P, W)
+    S.mult[j] = came
+    evaluate_surfaces(P, S, W)
+    return there != _sum_of_nested(P, W)
+
+
+@kernel
 def settle_beside(P, C, S, R, W):
     """Switches that come to rest on their surfaces with what has come to rest are what conditions say of 0; False,
     with nothing changed, where what is solved for has no root, or a disc begins to slip: that is settled first."""
@@ -302,7 +325,10 @@ def settle_beside(P, C, S, R, W):
         return False
     evaluate_surfaces(P, S, W)
     for k in range(P.m):
-        if P.kind[k] != CROSSING or abs(S.status[k]) != 1 or abs(W.h[k]) > surface_rounding(P, S, k, W):
+        crosses = P.kind[k] == CROSSING or P.kind[k] == KINK
+        if not crosses or abs(S.status[k]) != 1 or abs(W.h[k]) > surface_rounding(P, S, k, W):
+            continue
+        if P.kind[k] == KINK and not _moves_surfaces(P, S, W, k):
             continue
         rests = P.nested[k] != 0 or abs(approach_speed(P, S, k, W)) <= W.instant.rest_speed
         if rests and order_of_leaving(P, C, S, W, k) == 0 and rests_at_zero(P, S, R, W, k):

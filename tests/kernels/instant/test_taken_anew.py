@@ -92,6 +92,16 @@ def test_a_body_that_sticks_on_a_table_does_not_slip_for_a_rounding(method):
     assert run["n"][-1] == 32  # sin(5t) is 0 31 times, and w falls through its half once
 
 
+def test_a_condition_on_stairs_holds_where_a_disc_comes_to_rest_on_their_step():
+    # Mod is below its divisor also where 2 - y/4 has come to rest on 2, a multiple of it.
+    disc, level = Disc("D", (y, v)), Memory("level", 1)
+    below = sp.Piecewise((1, sp.Mod(2 * level - y / 4, c) < c), (0, True))
+    push = sp.sin(2 * t)
+    system = System({y: 0.3 * push - disc[0], v: 0.2 * push - disc[1], x: below}, time=t, parameters={c: 0.5})
+    run = solve(system, (0, 2), {y: 0.28, v: -0.2, x: 0})
+    assert len(run.event_times(kind="stick")) == 1 and run["x"][-1] == pytest.approx(2, abs=1e-9)
+
+
 @METHODS
 def test_an_event_on_an_unknown_is_left_as_the_unknown_goes(method):
     # 2a + x/2 falls, as a does with a + a**3/4 = 1 - x, though x = t alone would raise it. It is 1 at x = 2 - 4a.
