@@ -15,6 +15,7 @@ from ..state import (
     AMB_UPDATES,
     COMPONENT,
     CONTACT,
+    CROSSING,
     DISC,
     DUE,
     EV_CROSSING,
@@ -22,6 +23,7 @@ from ..state import (
     EV_RESET,
     GO_ON,
     HELD,
+    KINK,
     MEMORY,
     SECOND_ORDER,
     SET,
@@ -32,6 +34,7 @@ from ..state import (
     THROUGH,
     UNRECORDED,
 )
+from ..step.meeting import is_clocked
 from ..step.recording import put_on_tape, record_ambiguity, record_event
 from ..surface.sliding import (
     follow,
@@ -270,26 +273,44 @@ def place_those_that_wait(P, S, W, size):
 
 
 @kernel
+def _cross(S, R, W, j, order):
+    """Switch j takes its other side, with so many known zero orders of its surface."""
+    record_event(S, R, j, EV_CROSSING, S.status[j], -S.status[j])
+    S.status[j] = -S.status[j]
+    S.mult[j] = float(S.status[j])
+    S.deflate[j] = order
+    W.instant.hit[j] = False
+
+
+@kernel
+def _is_met_in_time(P, C, S, W, j):
+    """Whether switch j, which the motion only passes, is met, and no state or unknown stands in its surface."""
+    if not W.instant.hit[j] or is_clocked(C, j) or abs(S.status[j]) != 1:
+        return False
+    passes = P.kind[j] == CROSSING or P.kind[j] == KINK
+    return passes and P.dh_row[j] == P.dh_row[j + 1] and P.unknowns[j] < 0
+
+
+@kernel
 def strike_switches(P, C, S, R, W):
     """Switches of time alone whose instant has come cross; returns whether there are any.
 
     They come first: at an instant a function of time has the value that it has from there on.
     """
     some, tick = False, S.ticks
+    for j in range(P.m):
+        some = some or _is_met_in_time(P, C, S, W, j)
     while tick < len(C.clock) and C.clock[tick] <= S.t:
-        j = C.clock_event[tick] - P.ne
+        some = some or C.clock_event[tick] >= P.ne
         tick += 1
-        if j < 0:
-            continue
-        if not some:
-            note_surfaces(P, S, W)
-        some = True
-        record_event(S, R, j, EV_CROSSING, S.status[j], -S.status[j])
-        S.status[j] = -S.status[j]
-        S.mult[j] = float(S.status[j])
-        S.deflate[j] = 0
-        W.instant.hit[j] = False
     if some:
+        note_surfaces(P, S, W)
+        for j in range(P.m):
+            if _is_met_in_time(P, C, S, W, j):
+                _cross(S, R, W, j, 1)
+        for k in range(S.ticks, tick):
+            if C.clock_event[k] >= P.ne:
+                _cross(S, R, W, C.clock_event[k] - P.ne, 0)
         renew_unknowns(P, S, W)
         leave_what_jumps(P, S, W)
         sides_after_crossing(P, S, R, W)

@@ -103,6 +103,16 @@ def test_a_condition_on_stairs_holds_where_a_disc_comes_to_rest_on_their_step():
 
 
 @METHODS
+def test_a_pulse_ends_before_what_is_given_at_its_end(method):
+    # h = (8 - 5 x)/10 - pulse/2 falls at 1, as the pulse begins; at 3/2 it rises as that ends, and falls by the kick.
+    pulse = sp.Piecewise((1, sp.Mod(t, c) < q * c), (0, True))
+    bell = Event((8 - 5 * x) / 10 - pulse / 2, direction=-1, update={n: n + 1}, name="bell")
+    system = System({x: sp.DiracDelta(t - 3 / 2)}, time=t, parameters={c: 1, q: 0.5}, events=[bell])
+    run = solve(system, (0, 1.7), {x: 0.9}, method=method)
+    assert run.success and run.event_times(switch="bell") == pytest.approx([1, 1.5])
+
+
+@METHODS
 def test_an_event_on_an_unknown_is_left_as_the_unknown_goes(method):
     # 2a + x/2 falls, as a does with a + a**3/4 = 1 - x, though x = t alone would raise it. It is 1 at x = 2 - 4a.
     bell = Event(2 * a + x / 2 - 1, direction=-1, update={n: n + 1}, name="bell")
