@@ -503,6 +503,26 @@ def test_stairs_that_stand_in_stairs_on_both_of_whose_sides_these_are_met_let_th
 
 
 @METHODS
+@pytest.mark.parametrize("unknown", [False, True])
+@pytest.mark.parametrize("first", [False, True])
+def test_what_jumps_with_stairs_that_are_met_with_it_waits_for_them_wherever_it_stands(first, unknown, method):
+    if first:
+        # At x = 0 the first of both comes down to the second, and jumps up with its tooth: the second stays the least.
+        bent = sp.Max(x, 0) / 2 + 2 * x + 0.5
+        o = sp.Min(5 * x / 2 + sp.frac(1 - 2 * x) / 2 + 0.5, bent)
+        (below, down), (above, up) = (1.0625, 0.25), (1.0625, 0.3125)
+    else:
+        # The tooth steps, with it the floor that comes to 0, and with this the tooth on it: from -x to 1/2 - x.
+        o = sp.frac(sp.floor(3 * x / 2 + sp.frac(-x / 2) / 2) / 2 - x + 0.5) * 2
+        (below, down), (above, up) = (1.0, -0.25), (1.125, -0.25)
+    unknowns = [Algebraic(a, a - o)] if unknown else []
+    system = System({x: 1 + (a if unknown else o) / 8}, algebraic=unknowns)
+    arrival = np.log(below / (below - 0.3 * down)) / down
+    run = solve(system, (0, arrival + 0.3), {x: -0.3}, method=method)
+    assert run["x"][-1] == pytest.approx(above / up * np.expm1(up * 0.3), abs=1e-9)
+
+
+@METHODS
 @pytest.mark.parametrize("begin", ["at once", "by a tick"])
 @pytest.mark.parametrize("direction", [-1, 0, 1])
 def test_states_that_move_alike_fire_nothing_on_their_difference(direction, begin, method):
