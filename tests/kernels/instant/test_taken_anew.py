@@ -370,6 +370,19 @@ def test_a_sign_holds_the_motion_by_the_signs_that_jump_with_it(inside, unknown,
     assert run["x"][-1] == 0 and arrival == pytest.approx(0.6 / (0.625 if start < 0 else 0.375), abs=1e-9)
 
 
+@METHODS
+@pytest.mark.parametrize("unknown", [False, True])
+@pytest.mark.parametrize(("jump", "above"), [(2, 0.45), (2.75, 0.7), (-2, 0.45), (2.5, 0)])
+def test_stairs_jump_with_a_sign_inside_from_side_to_side(jump, above, unknown, method):
+    # x' = 0.45 - x below 0, and above 0.45 - x, 0.7 - x or -0.05 - x: where what is inside jumps by 2 nothing happens.
+    inside = x + jump * sp.Heaviside(x) + sp.Rational(3, 10)
+    unknowns = [Algebraic(a, 2 * (a - inside))] if unknown else []
+    system = System({x: sp.Rational(3, 4) - sp.frac(a if unknown else inside)}, algebraic=unknowns)
+    run = solve(system, (0, 1), {x: -0.25}, method=method)
+    assert run["x"][-1] == pytest.approx(-above * np.expm1(np.log(0.7 / 0.45) - 1), abs=1e-8)
+    assert run.success and not run.ambiguities
+
+
 INNER = Switch("inner", c / 4 - x)
 OUTER = Switch("outer", 3 * x + c * INNER / 2 - 3 * c / 4)
 STAIRS = sp.floor(sp.Rational(5, 2) * x / c - sp.floor(4 * x / c - 1) / 8 - sp.Rational(11, 16))
