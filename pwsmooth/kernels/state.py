@@ -115,6 +115,7 @@ class Problem(Bundle):
     approach_unit: "int"
     watches: "int"  # 1: some event is a singular argument
     n: "int"
+    memories: "int"  # of the states, the last ones: what they are set to has no rounding
     m: "int"
     ne: "int"
     nz: "int"

@@ -85,6 +85,7 @@ class CompiledProblem:
             step_unit=0,
             pair=0,
             n=code.n,
+            memories=model.n_memory,
             m=code.m,
             ne=code.ne,
             nz=len(self.ratios),

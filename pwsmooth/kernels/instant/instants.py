@@ -653,7 +653,7 @@ def _leave_what_was_rested_on(P, C, S, R, W):
 
 @kernel
 def _sides_of_events(P, C, S, W, freed):
-    """Sets the sides of events on whose surfaces x stands to where the motion goes on, after a jump or a release.
+    """Sets the sides of events on whose surfaces x stands to where the motion goes on, which may have turned.
 
     If what held the motion has `freed` it, these are all such events; else those that were met.
     """
@@ -685,15 +685,20 @@ def _note_what_is_met(P, C, S, W):
     """Overwrites instant.hit, known zeros of S and instant.came; states that are surfaces are put on them."""
     instant = W.instant
     m, ne, status, elapsed = P.m, P.ne, S.status, instant.elapsed
-    within, told = max(at_once_within(S.t, W.step.length), AT_ONCE * elapsed), 0.0
+    within, told, late = max(at_once_within(S.t, W.step.length), AT_ONCE * elapsed), 0.0, 0.0
     if W.step.kind == PAIR:
         evaluate_surfaces(P, S, W)
         told = _OF_A_FIT * elapsed
+        for i in range(m + ne):
+            first = W.meeting.tau[i] <= 1.0 and (W.meeting.tau[i] - instant.met) * W.step.length <= within
+            late = max(late, abs(W.h[i] / surface_speed(P, W, i))) if first and W.h[i] != 0.0 else late
+        late = min(late, told)
     for i in range(m + ne):
         later = (W.meeting.tau[i] - instant.met) * W.step.length
         instant.hit[i] = W.meeting.tau[i] <= 1.0 and later <= max(within, told)
         if instant.hit[i] and later > within:
-            instant.hit[i] = abs(W.h[i]) <= surface_rounding(P, S, i, W)
+            near = surface_rounding(P, S, i, W) + 2.0 * late * abs(surface_speed(P, W, i))
+            instant.hit[i] = abs(W.h[i]) <= near
         if not instant.hit[i] and (S.deflate[i] != 0 or W.meeting.rounding[i] > 0.0):
             if rested_on(P, S, W, i):
                 S.deflate[i] = orders_at_rest(S, i)
@@ -829,7 +834,7 @@ def at_instant(P, C, S, R, W):
         if closed >= 0 and _closed(P, S) > closed:
             settle_beside(P, C, S, R, W)  # on what the contact keeps from there
     freed = _is_freed(P, S, W)
-    if P.ne > 0 and (jumped or freed):
+    if P.ne > 0:
         _sides_of_events(P, C, S, W, freed)
     if S.events > events_before:
         record_point(P, S, R)

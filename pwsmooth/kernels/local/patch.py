@@ -81,7 +81,8 @@ def shape(A, P, C, W):
     for c in range(T.cell.shape[0]):
         _put_at(T.cell[c, 0], T.cell[c, 1] + T.cell[c, 2] * M + T.cell[c, 3] * places)
     nm, ne = E.nm, E.ne
-    P.n, P.m = E.ns * places, number_of(E, nm, M, 0) if ne > 0 else E.fixed_m + E.blocks_m * M
+    P.n, P.memories = E.ns * places, E.memories * places
+    P.m = number_of(E, nm, M, 0) if ne > 0 else E.fixed_m + E.blocks_m * M
     P.ne = ne * M
     P.mult_row = E.ns * places
     # What a program keeps for itself stands behind the rows of both: those are 0 behind their last order.

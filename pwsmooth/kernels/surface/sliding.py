@@ -272,7 +272,8 @@ def _shift(P, S, W, turns):
     """
     up = _PART
     for i in range(P.n):
-        W.shifted_x[i] = S.x[i] + up * (W.size[i] if P.watches == 0 else abs(S.x[i]))
+        size = 0.0 if i >= P.n - P.memories else W.size[i] if P.watches == 0 else abs(S.x[i])
+        W.shifted_x[i] = S.x[i] + up * size
         up *= turns
     for j in range(P.m):
         W.shifted_mult[j] = S.mult[j] * (1.0 + up) if S.status[j] == SOLVED else S.mult[j]

@@ -345,6 +345,32 @@ def test_an_update_leaves_the_switch_that_has_just_crossed_on_its_new_side(metho
     assert run.success and run["y"][-1] == pytest.approx(0.75, abs=1e-9)
 
 
+@METHODS
+@pytest.mark.parametrize(("direction", "each"), [(-1, 1), (0, 1), (1, 0)])
+def test_an_event_on_the_gap_of_a_contact_fires_as_it_closes_and_not_as_it_rebounds(direction, each, method):
+    # The pair fits both zeros of one instant apart, and which of them comes first.
+    bell = Event(5 * x / 2 - c, direction=direction, update={n: n + 1})
+    stop = Unilateral(x, restitution=0.5)
+    force = 3 * sp.sin(2 * t + 0.3) / 4 - 1
+    system = System({x: v, v: force + stop.reaction}, time=t, parameters={c: 0}, events=[bell])
+    rng = np.random.default_rng(1)
+    for _ in range(40):
+        run = solve(system, (0, 1.6), {x: rng.uniform(0.1, 0.4), v: rng.uniform(-0.5, 0.2)}, method=method)
+        assert run["n"][-1] == each * sum(event.kind == "impact" for event in run.events)
+
+
+@METHODS
+def test_a_surface_that_has_been_passed_is_met_again_whatever_a_memory_counts(method):
+    # From the tick on x = t - t^2/2 - 7/32: up through 1/10, and down again. A memory of 1 is not a rounding less.
+    tick = Event(at=sp.Rational(1, 4), update={m: 1})
+    bell = Event(x - sp.Rational(1, 10), direction=-1, update={n: n + 1}, name="bell")
+    system = System({x: sp.Piecewise((1 - t, m >= 1), (1000, True))}, time=t, events=[bell, tick])
+    run = solve(system, (0, 2.5), {x: -250}, method=method)
+    np.testing.assert_allclose(
+        run.event_times(switch="bell"), [1 + np.sqrt(1 - 2 * (1 / 10 + 7 / 32))], atol=1e-9
+    )
+
+
 # ---- signs that jump with a sign inside
 
 
