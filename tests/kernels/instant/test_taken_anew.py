@@ -360,6 +360,24 @@ def test_an_event_on_the_gap_of_a_contact_fires_as_it_closes_and_not_as_it_rebou
 
 
 @METHODS
+@pytest.mark.parametrize("direction", [-1, 0, 1])
+def test_an_event_on_a_moving_surface_that_holds_the_motion_fires_as_it_comes_there_alone(direction, method):
+    # Between the nodes of its steps the pair is on the belt and on the table to its tolerance, not to rounding.
+    belt, table = c * sp.sin(3 * t), Unilateral(x - c * sp.sin(3 * t), restitution=0)
+    bells = [Event(q * (v - belt), direction=direction, update={n: n + 1})]
+    bells += [Event(q * table.gap, direction=direction, update={m: m + 1})]
+    rates = {v: sp.cos(t) / 5 - 3 * sp.sign(v - belt) / 2, x: y, y: sp.sin(2 * t) / 3 - 1 + table.reaction}
+    system = System(rates, time=t, parameters={c: 0.1, q: 1}, events=bells)
+    for factor in (-2.5, 0.3, 1):
+        for height in (0.02, -0.03):
+            given, comes = {c: height, q: factor}, int(direction * factor <= 0)
+            for tol in (1e-7, 1e-10):
+                start = {x: 0, y: 3 * height, v: 0.3}
+                run = solve(system, (0, 3), start, parameters=given, method=method, rtol=tol, atol=tol)
+                assert run.success and (run["n"][-1], run["m"][-1]) == (comes, 0)
+
+
+@METHODS
 def test_a_surface_that_has_been_passed_is_met_again_whatever_a_memory_counts(method):
     # From the tick on x = t - t^2/2 - 7/32: up through 1/10, and down again. A memory of 1 is not a rounding less.
     tick = Event(at=sp.Rational(1, 4), update={m: 1})
