@@ -389,7 +389,16 @@ class Lifting:
         )
 
     def _floor(self, u, sides):
-        """floor u, from the parity of the integer below: a rounding of u beside an integer changes nothing."""
+        """floor u, from the parity of the integer below: a rounding of u beside an integer changes nothing.
+
+        What u jumps by may be even: its sides are told apart by u itself, not by the wave.
+        """
+        written_out = self._written_out(u)
+        lam = self._inside(written_out)
+        if lam is not None:
+            ways = (sides[lam],) * 2 if lam in sides else (1, -1)
+            told = (self._floor(written_out.xreplace({lam: sp.Integer(s)}), sides | {lam: s}) for s in ways)
+            return Select(lam, *told)
         wave = sp.sin(sp.pi * u)
         if not self._may_register and self._find(wave) is None:
             return sp.floor(u + (self._rounding(u + 1) if self._at_instant else 0))

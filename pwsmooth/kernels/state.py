@@ -56,8 +56,6 @@ GROWS = 9
 # one of a slip in a disc, and its last moments.
 SLIP, GENERAL, PAIR, ARC, START, CLOSING = range(6)
 
-MEMORY = -2  # in `holder`: a state that nothing but an update changes, not even by a rounding
-
 # Entries of a tape (step/recording.py, kernels/tangent): a step, and the nodes of one by collocation; a recorded point;
 # what an instant is the zero of (a surface, the bound of a multiplier, a fold, a tick of the clock, something else,
 # nothing new); an update that acts, and the end of its round; the end of the run.
@@ -117,6 +115,7 @@ class Problem(Bundle):
     approach_unit: "int"
     watches: "int"  # 1: some event is a singular argument
     n: "int"
+    memories: "int"  # of the states, the last ones: what they are set to has no rounding
     m: "int"
     ne: "int"
     nz: "int"
@@ -146,7 +145,7 @@ class Problem(Bundle):
     )
     wave: "i8[m + ne]"  # the surface is a sine of what moves, of size 1 whatever the states are
     surface_state: "i8[m]"  # index of the state that is the surface, or -1
-    holder: "i8[n]"  # the multiplier that keeps a state at 0 while it is solved for, -1, or MEMORY
+    holder: "i8[n]"  # the multiplier that keeps a state at 0 while it is solved for, or -1
     direction: "i8[ne]"
     rule: "i8[ne]"  # ADD, SET, or 0
     terminal: "i8[ne]"

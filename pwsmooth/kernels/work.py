@@ -317,7 +317,7 @@ class Instant(Bundle):
     drift: "f8[m]"  # the next ones, to a common factor
     hit: "b1[m + ne]"  # met
     stood: "f8[m + ne]"  # the surfaces before something at this instant may have moved them
-    waits: "i8[m]"  # whether a switch is settled once others have been, with which its surface jumps
+    waits: "i8[m]"  # of a switch that is met 1 until it is settled, 2 if others are first, with which its surface jumps
     came: "i8[m]"  # status before the instant
     active: "i8[m]"  # switches that are settled
     faint: "i8[m]"  # whether they may have no strength

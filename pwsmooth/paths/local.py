@@ -215,7 +215,7 @@ class _Run:
         of_surfaces = np.concatenate([of_m, len(self.parts.kind) + of_e])
         sizes = dict(ns=self.ns, nm=nm, ne=ne, nt=len(self.timed), nx=len(read), np=len(self.p_fixed))
         return local.Kind.zeros(
-            sizes, ns=self.ns, nm=nm, ne=ne, memories=self.template.model.n_memory,
+            sizes, ns=self.ns, memories=self.template.model.n_memory, nm=nm, ne=ne,
             np=len(self.own_parameters), nr=len(self.code.offsets),
             target=self._targets(), contact=contact, between=between,
             felt=np.array(self.template.felt, np.int64), felt_blocks=len(self.own_parameters),

@@ -107,7 +107,7 @@ class SmallSystem:
             sizes, **numbers, **empty, **open_ended, p=np.zeros(sizes["p"]), fold_bias=np.zeros(0)
         )
         self.P.weight[:] = 1.0
-        self.P.disc_of[:] = -1
+        self.P.disc_of[:] = self.P.holder[:] = -1
         self.P.watch_state[:] = self.P.unknowns[:] = -1
         self.P.rows_fold[:] = self.P.rows_pair[:] = -1
         options = run.options

@@ -85,6 +85,7 @@ class CompiledProblem:
             step_unit=0,
             pair=0,
             n=code.n,
+            memories=model.n_memory,
             m=code.m,
             ne=code.ne,
             nz=len(self.ratios),
@@ -107,9 +108,7 @@ class CompiledProblem:
         surface_state = self._numbers("multipliers", [_surface_state(self._text, mu) for mu in multipliers])
         if self._families:
             surface_state = self._families.numbered("multipliers", "states", surface_state)
-        blocks = len(self._text.states)
-        is_memory = self._numbers("states", np.arange(blocks) >= blocks - self._text.n_memory)
-        holder = np.where(is_memory, state.MEMORY, -1)
+        holder = np.full(self.code.n, -1)
         keeps = (surface_state >= 0) & np.isin(self.kind, (state.SLIDING, state.COMPONENT, state.CONTACT))
         holder[surface_state[keeps]] = np.flatnonzero(keeps)
         return dict(

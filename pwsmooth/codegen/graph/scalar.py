@@ -267,8 +267,7 @@ class ScalarCode:
                 return f"{names[0]} * " * int(exponent) + f"math.sqrt({names[0]})"
             return f"{names[0]} ** {names[1]}"
         if op == "entry":
-            # To the nearest: the number of a row is a state, which is shifted where the terms of rates are looked for.
-            return f"table{data}[int({names[0]} + 0.5)]"
+            return f"table{data}[int({names[0]})]"
         if op in ("fun", "fun2"):
             if data in HELPERS:
                 self.helpers.add(data)

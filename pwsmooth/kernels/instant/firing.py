@@ -24,10 +24,8 @@ from ..state import (
     GO_ON,
     HELD,
     KINK,
-    MEMORY,
     SECOND_ORDER,
     SET,
-    SLIDING,
     SOLVED,
     TAPE_ACT,
     TAPE_ROUND,
@@ -39,6 +37,7 @@ from ..step.recording import put_on_tape, record_ambiguity, record_event
 from ..surface.sliding import (
     follow,
     is_at_rest,
+    is_memory,
     keep_on_surface,
     mask_instant,
     surface_rounding,
@@ -49,6 +48,7 @@ from .surface_rates import any_kind, approach_speed, evaluate_surfaces
 
 _MOST_INSIDE = 1e-9  # of the states and their way: what one may be moved by
 _TICK = 1e-15  # of the time: its rounding
+NOW, LATER = 1, 2  # of instant.waits
 BETWEEN = 0.3  # a multiplier inside (-1, 1): stairs that have a step at both of its sides have none here
 _OF_A_STEP = 1e-8  # by so much at most the series of a step tells an instant too late or too early
 
@@ -218,22 +218,33 @@ def note_surfaces(P, S, W):
 
 
 @kernel
-def leave_what_jumps(P, S, W):
-    """Surfaces that were met and have since jumped with a switch that stands in them are not met any more."""
+def _leave_what_jumps(P, S, W):
+    """Surfaces that were met and have since jumped with a switch that stands in them are not met any more; returns
+    whether there are any."""
+    some = False
     evaluate_surfaces(P, S, W)
     for i in range(P.m + P.ne):
         if P.nested[i] == 0 or not W.instant.hit[i]:
             continue
         within = surface_rounding(P, S, i, W) + _moment(S, W) * abs(surface_speed(P, W, i))
         if abs(W.h[i] - W.instant.stood[i]) > within and abs(W.h[i]) > within:
-            W.instant.hit[i] = False
+            W.instant.hit[i], some = False, True
+    return some
+
+
+@kernel
+def leave_what_jumps(P, S, R, W):
+    """Surfaces that were met and have since jumped with a switch that stands in them are not met any more; switches on
+    them have at once the sides where they are, and so on."""
+    while _leave_what_jumps(P, S, W):
+        sides_after_crossing(P, S, R, W)
 
 
 @kernel
 def jumps_with_another(P, S, W, j):
-    """Whether the surface of switch j, or unknowns in it, jump with another switch that is met and may slide."""
+    """Whether the surface of switch j, or unknowns in it, jump with another switch that is met and not settled yet."""
     for i in range(P.m if P.nested[j] != 0 else 0):
-        if i == j or not W.instant.hit[i] or P.kind[i] != SLIDING or abs(S.status[i]) != 1:
+        if i == j or W.instant.waits[i] == 0 or not W.instant.hit[i] or abs(S.status[i]) != 1:
             continue
         for k in range(P.m):
             W.instant.mult[k] = S.mult[k]
@@ -253,12 +264,32 @@ def jumps_with_another(P, S, W, j):
 
 
 @kernel
+def next_that_wait(P, S, W):
+    """Overwrites instant.active by the switches still met whose surfaces jump with no other one that waits, or by all
+    that wait; how many."""
+    waits, size, some = W.instant.waits, 0, False
+    for j in range(P.m):
+        if waits[j] != LATER or not W.instant.hit[j] or abs(S.status[j]) != 1:
+            waits[j] = 0
+        some = some or waits[j] != 0
+    for j in range(P.m if some else 0):
+        if waits[j] == LATER and not jumps_with_another(P, S, W, j):
+            W.instant.active[size], waits[j] = j, NOW
+            size += 1
+    for j in range(P.m if some and size == 0 else 0):
+        if waits[j] == LATER:
+            W.instant.active[size], waits[j] = j, NOW
+            size += 1
+    return size
+
+
+@kernel
 def place_those_that_wait(P, S, W, size):
     """Switches on surfaces that jump with active[:size] have, as these settle, the sides of what is in between."""
     some = False
     for j in range(P.m):
         W.instant.mult[j] = S.mult[j]
-        some = some or W.instant.waits[j] != 0
+        some = some or W.instant.waits[j] == LATER
     if not some:
         return
     for a in range(size):
@@ -267,7 +298,7 @@ def place_those_that_wait(P, S, W, size):
     evaluate_surfaces(P, S, W)
     for j in range(P.m):
         S.mult[j] = W.instant.mult[j]
-        if W.instant.waits[j] and abs(W.h[j]) > surface_rounding(P, S, j, W):
+        if W.instant.waits[j] == LATER and abs(W.h[j]) > surface_rounding(P, S, j, W):
             S.status[j] = 1 if W.h[j] > 0.0 else -1
             S.mult[j] = float(S.status[j])
 
@@ -312,7 +343,7 @@ def strike_switches(P, C, S, R, W):
             if C.clock_event[k] >= P.ne:
                 _cross(S, R, W, C.clock_event[k] - P.ne, 0)
         renew_unknowns(P, S, W)
-        leave_what_jumps(P, S, W)
+        leave_what_jumps(P, S, R, W)
         sides_after_crossing(P, S, R, W)
     return some
 
@@ -595,7 +626,7 @@ def step_inside(P, S, j, W):
         part = abs(W.dh[e] * S.x[P.dh_col[e]])
         total += part
         way += abs(S.x[P.dh_col[e]]) + (abs(S.t) + S.step) * abs(W.dx[P.dh_col[e]])
-        if part > most and P.holder[P.dh_col[e]] != MEMORY:
+        if part > most and not is_memory(P, P.dh_col[e]):
             best, most = e, part
     side = float(S.status[j])
     if best >= 0 and side * W.h[j] < 4e-16 * total:

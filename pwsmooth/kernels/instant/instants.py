@@ -84,12 +84,15 @@ from .discs import (
 )
 from .dry_friction import leave_loop, settle_friction
 from .firing import (
+    LATER,
+    NOW,
     carried_along,
     events,
     fire_due,
     jumps_with_another,
     leave_what_jumps,
     may_be_carried,
+    next_that_wait,
     place_those_that_wait,
     sides_after_crossing,
     sides_after_jump,
@@ -339,18 +342,69 @@ def _is_flat(P, C, S, W, j):
 
 @kernel
 def _note_those_inside(P, S, W):
-    """Overwrites instant.stood of switches; whether one is met in whose surface another may stand that is met too."""
+    """Overwrites instant.waits, and instant.stood of switches; whether one is met in whose surface another may stand
+    that is met too."""
     nested, met = False, 0
     for j in range(P.m):
+        W.instant.waits[j] = 0
         if W.instant.hit[j] and P.kind[j] < DISC:
+            W.instant.waits[j] = NOW if abs(S.status[j]) == 1 else 0
             nested = nested or P.nested[j] != 0
             met += 1
     inside = nested and met > 1
     if inside:
         evaluate_surfaces(P, S, W)
         for j in range(P.m):
-            W.instant.stood[j], W.instant.waits[j] = W.h[j], 0
+            W.instant.stood[j] = W.h[j]
     return inside
+
+
+@kernel
+def _cross(P, C, S, R, W, j, jumped):
+    """Switch j, which is met and does not slide, goes over to its other side, or rests; a code, and whether it goes."""
+    W.instant.waits[j] = 0
+    if not jumped and rests_on_kink(P, C, S, R, W, j):
+        return GO_ON, False
+    went = -S.status[j]
+    if jumped:
+        if P.step_unit != 0:
+            step_inside(P, S, j, W)
+        order, stays = order_at_rest(P, C, S, W, j)
+        went = S.status[j] if order == 0 or stays else 1 if order > 0 else -1
+        if stays and rests_at_zero(P, S, R, W, j):
+            return GO_ON, False
+    elif P.nested[j] != 0 and P.at_zero[j] != ANY and _is_flat(P, C, S, W, j):
+        if rests_at_zero(P, S, R, W, j):
+            return GO_ON, False
+    if went != S.status[j]:
+        record_event(S, R, j, EV_CROSSING, S.status[j], went)
+    S.status[j] = went
+    S.mult[j] = float(went)
+    S.deflate[j] = 1
+    speed = approach_speed(P, S, j, W)
+    note_arc(S, j, speed)
+    singular = has_branch_point(P, j)
+    if singular:
+        _look_at_arcs(P, C, S, W, j)
+    interval = arc_ahead(P, S, W, j) if singular else S.last[j, 1]
+    S.minute = S.minute + 1 if _is_minute(P, C, S, W, j, speed, interval) else 0
+    told = singular and P.kind[j] == SECOND_ORDER  # an arc that has not been seen yet
+    if S.minute > 0 and told and come_to_rest(P, C, S, R, W, j, 0.0):
+        S.minute = 0
+        return GO_ON, True
+    if S.minute > _MOST_MINUTE:
+        if P.kind[j] != SECOND_ORDER:
+            return Outcome.CHATTERING, True
+        record_event(S, R, j, EV_ACCUMULATION, S.status[j], 0)
+        forget_intervals(S.last[j], S.t)
+        stop_normal_speed(P, S, j, W, False)
+        W.instant.active[0] = j
+        hold_second_order(P, S, R, W, 1)
+        record_ambiguity(S, R, j, AMB_CHATTERING, S.status[j])
+        S.minute = 0
+    if P.step_unit != 0:
+        step_inside(P, S, j, W)
+    return GO_ON, True
 
 
 @kernel
@@ -374,9 +428,9 @@ def _settle_switches(P, C, S, R, W):
         if not instant.hit[j] or P.kind[j] >= DISC or status[j] == HELD:
             continue
         if inside and P.nested[j] != 0:
-            leave_what_jumps(P, S, W)
+            leave_what_jumps(P, S, R, W)
             if not instant.hit[j]:
-                continue  # it has jumped with a switch that stands in it: its side is taken with those of all such
+                continue  # it has jumped with a switch that stands in it
         if status[j] == SOLVED:
             if not jumped:
                 # d2h/dt2 of a second-order slide is 0 there, unless a force has jumped.
@@ -400,56 +454,16 @@ def _settle_switches(P, C, S, R, W):
                     record_event(S, R, j, EV_TANGENCY, 0, status[j])
                     part_or_press(P, S, W, j)
                     switched = switched or (P.discs != 0 and some_share(P, S))
+        elif inside and jumps_with_another(P, S, W, j):
+            instant.waits[j], later = LATER, True
         elif P.kind[j] == SLIDING:
-            instant.waits[j] = int(inside and jumps_with_another(P, S, W, j))
-            if instant.waits[j]:
-                later = True
-                continue
             instant.active[size] = j
             size += 1
         else:
-            if not jumped and rests_on_kink(P, C, S, R, W, j):
-                continue
-            went = -status[j]
-            if jumped:
-                if P.step_unit != 0:
-                    step_inside(P, S, j, W)
-                order, stays = order_at_rest(P, C, S, W, j)
-                went = status[j] if order == 0 or stays else 1 if order > 0 else -1
-                if stays and rests_at_zero(P, S, R, W, j):
-                    continue
-            elif P.nested[j] != 0 and P.at_zero[j] != ANY and _is_flat(P, C, S, W, j):
-                if rests_at_zero(P, S, R, W, j):
-                    continue
-            if went != status[j]:
-                record_event(S, R, j, EV_CROSSING, status[j], went)
-            status[j] = went
-            mult[j] = float(went)
-            S.deflate[j] = 1
-            switched = True
-            speed = approach_speed(P, S, j, W)
-            note_arc(S, j, speed)
-            singular = has_branch_point(P, j)
-            if singular:
-                _look_at_arcs(P, C, S, W, j)
-            interval = arc_ahead(P, S, W, j) if singular else S.last[j, 1]
-            S.minute = S.minute + 1 if _is_minute(P, C, S, W, j, speed, interval) else 0
-            told = singular and P.kind[j] == SECOND_ORDER  # an arc that has not been seen yet
-            if S.minute > 0 and told and come_to_rest(P, C, S, R, W, j, 0.0):
-                S.minute = 0
-                continue
-            if S.minute > _MOST_MINUTE:
-                if P.kind[j] != SECOND_ORDER:
-                    return Outcome.CHATTERING, True
-                record_event(S, R, j, EV_ACCUMULATION, status[j], 0)
-                forget_intervals(S.last[j], S.t)
-                stop_normal_speed(P, S, j, W, False)
-                instant.active[0] = j
-                hold_second_order(P, S, R, W, 1)
-                record_ambiguity(S, R, j, AMB_CHATTERING, S.status[j])
-                S.minute = 0
-            if P.step_unit != 0:
-                step_inside(P, S, j, W)
+            code, crossed = _cross(P, C, S, R, W, j, jumped)
+            if code != GO_ON:
+                return code, True
+            switched = switched or crossed
     if P.discs != 0:
         code, some = settle_discs(P, C, S, R, W, jumped)
         if code != GO_ON:
@@ -475,18 +489,28 @@ def _settle_switches(P, C, S, R, W):
 @kernel
 def _settle_what_jumps(P, C, S, R, W, jumped):
     """Switches whose surfaces jump with others of this instant: what is still met settles behind these; a code."""
-    instant, size = W.instant, 0
-    leave_what_jumps(P, S, W)
+    instant = W.instant
     for j in range(P.m):
-        if instant.waits[j] == 0 or abs(S.status[j]) != 1:
-            continue
-        instant.waits[j] = 0
-        if instant.hit[j]:
-            instant.active[size] = j
-            size += 1
-        elif S.status[j] != instant.came[j]:
-            record_event(S, R, j, EV_RESET, instant.came[j], S.status[j])
-    return _arrivals(P, C, S, R, W, size, jumped, True) if size > 0 else GO_ON
+        if instant.waits[j] == LATER and abs(S.status[j]) == 1 and abs(instant.came[j]) == 1:
+            S.status[j] = instant.came[j]  # it was somewhere in between
+            S.mult[j] = float(S.status[j])
+    for _ in range(P.m):
+        leave_what_jumps(P, S, R, W)
+        if next_that_wait(P, S, W) == 0:
+            break
+        code, size = GO_ON, 0
+        for j in range(P.m):
+            if instant.waits[j] == NOW and P.kind[j] != SLIDING and code == GO_ON:
+                code = _cross(P, C, S, R, W, j, jumped)[0]
+        for j in range(P.m):
+            if instant.waits[j] == NOW:
+                instant.active[size] = j
+                size += 1
+        if code == GO_ON and size > 0:
+            code = _arrivals(P, C, S, R, W, size, jumped, True)
+        if code != GO_ON:
+            return code
+    return GO_ON
 
 
 @kernel
@@ -629,7 +653,7 @@ def _leave_what_was_rested_on(P, C, S, R, W):
 
 @kernel
 def _sides_of_events(P, C, S, W, freed):
-    """Sets the sides of events on whose surfaces x stands to where the motion goes on, after a jump or a release.
+    """Sets the sides of events on whose surfaces x stands to where the motion goes on, which may have turned.
 
     If what held the motion has `freed` it, these are all such events; else those that were met.
     """
@@ -661,15 +685,20 @@ def _note_what_is_met(P, C, S, W):
     """Overwrites instant.hit, known zeros of S and instant.came; states that are surfaces are put on them."""
     instant = W.instant
     m, ne, status, elapsed = P.m, P.ne, S.status, instant.elapsed
-    within, told = max(at_once_within(S.t, W.step.length), AT_ONCE * elapsed), 0.0
+    within, told, late = max(at_once_within(S.t, W.step.length), AT_ONCE * elapsed), 0.0, 0.0
     if W.step.kind == PAIR:
         evaluate_surfaces(P, S, W)
         told = _OF_A_FIT * elapsed
+        for i in range(m + ne):
+            first = W.meeting.tau[i] <= 1.0 and (W.meeting.tau[i] - instant.met) * W.step.length <= within
+            late = max(late, abs(W.h[i] / surface_speed(P, W, i))) if first and W.h[i] != 0.0 else late
+        late = min(late, told)
     for i in range(m + ne):
         later = (W.meeting.tau[i] - instant.met) * W.step.length
         instant.hit[i] = W.meeting.tau[i] <= 1.0 and later <= max(within, told)
         if instant.hit[i] and later > within:
-            instant.hit[i] = abs(W.h[i]) <= surface_rounding(P, S, i, W)
+            near = surface_rounding(P, S, i, W) + 2.0 * late * abs(surface_speed(P, W, i))
+            instant.hit[i] = abs(W.h[i]) <= near
         if not instant.hit[i] and (S.deflate[i] != 0 or W.meeting.rounding[i] > 0.0):
             if rested_on(P, S, W, i):
                 S.deflate[i] = orders_at_rest(S, i)
@@ -805,7 +834,7 @@ def at_instant(P, C, S, R, W):
         if closed >= 0 and _closed(P, S) > closed:
             settle_beside(P, C, S, R, W)  # on what the contact keeps from there
     freed = _is_freed(P, S, W)
-    if P.ne > 0 and (jumped or freed):
+    if P.ne > 0:
         _sides_of_events(P, C, S, W, freed)
     if S.events > events_before:
         record_point(P, S, R)

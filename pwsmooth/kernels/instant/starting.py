@@ -25,7 +25,7 @@ from ..surface.sliding import INSIDE, is_at_rest, mask_instant, surface_rounding
 from ..surface.unknowns import has_other_root, solve_unknowns
 from .contacts import UNCHANGED, close_at_start, is_behind, outcome_of
 from .discs import settle_discs
-from .firing import jumps_with_another, place_those_that_wait, renew_unknowns
+from .firing import LATER, NOW, jumps_with_another, next_that_wait, place_those_that_wait, renew_unknowns
 from .resting import hold_by_what_jumps, stay_at_rest
 from .settling import settle_at_rest
 from .surface_rates import (
@@ -77,12 +77,7 @@ def _take_side(P, C, S, R, W, j):
 def _settle_those_that_waited(P, C, S, R, W, code):
     """Switches on surfaces that jump with others, which have settled: those that still stand on them; a code."""
     for _ in range(P.m):
-        size = 0
-        for j in range(P.m):
-            W.instant.waits[j] *= int(W.instant.hit[j] and abs(S.status[j]) == 1)
-            if W.instant.waits[j] and not jumps_with_another(P, S, W, j):
-                W.instant.active[size], W.instant.waits[j] = j, 0
-                size += 1
+        size = next_that_wait(P, S, W)
         if code != GO_ON or size == 0:
             break
         code = settle_at_rest(P, C, S, R, W, size)
@@ -144,7 +139,8 @@ def start(P, C, S, R, W):
     stay_at_rest(P, C, S, R, W)
     S.events, size = 0, 0
     for j in range(m):
-        instant.came[j], instant.waits[j] = status[j], 0
+        instant.came[j], instant.waits[j] = status[j], NOW if instant.hit[j] and P.kind[j] == SLIDING else 0
+    for j in range(m):
         if not instant.hit[j] or P.kind[j] == DISC or P.kind[j] == COMPONENT:
             continue
         if P.kind[j] == CONTACT:
@@ -154,8 +150,9 @@ def start(P, C, S, R, W):
             P.kind[j] == SECOND_ORDER and abs(approach_speed(P, S, j, W)) <= instant.rest_speed
         ):
             # Where a surface is that jumps with another one is known once that has settled.
-            instant.waits[j] = int(jumps_with_another(P, S, W, j))
-            if not instant.waits[j]:
+            if jumps_with_another(P, S, W, j):
+                instant.waits[j] = LATER
+            else:
                 instant.active[size] = j
                 size += 1
         elif abs(status[j]) == 1:

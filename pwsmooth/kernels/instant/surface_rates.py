@@ -17,7 +17,6 @@ from ..state import (
     GROWS,
     HELD,
     KINK,
-    MEMORY,
     SECOND_ORDER,
     SLIDING,
     SOLVED,
@@ -26,6 +25,7 @@ from ..step.recording import record_ambiguity, record_event
 from ..step.steps import take_jet, take_slip_jet
 from ..surface.sliding import (
     follow,
+    is_memory,
     keep_on_surface,
     mask_instant,
     mask_solved,
@@ -388,7 +388,7 @@ def stop_normal_speed(P, S, j, W, contact):
         speed = approach_speed(P, S, j, W)
         square = 0.0
         for i in range(P.n):
-            if P.holder[i] == MEMORY:
+            if is_memory(P, i):
                 W.instant.gradient[i] = 0.0
                 continue
             keep = S.x[i]

@@ -15,7 +15,7 @@ from ..instant.accumulation import at_once_within
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.lanes import load8, store8
 from ..machine.pointers import at, call_fields, call_linear
-from ..state import HELD, MEMORY, SLIDING, SOLVED
+from ..state import HELD, SLIDING, SOLVED
 from ..step.roots import NO_ROOT
 from ..step.steps import dot, powers
 from .members import number_of
@@ -81,7 +81,8 @@ def shape(A, P, C, W):
     for c in range(T.cell.shape[0]):
         _put_at(T.cell[c, 0], T.cell[c, 1] + T.cell[c, 2] * M + T.cell[c, 3] * places)
     nm, ne = E.nm, E.ne
-    P.n, P.m = E.ns * places, number_of(E, nm, M, 0) if ne > 0 else E.fixed_m + E.blocks_m * M
+    P.n, P.memories = E.ns * places, E.memories * places
+    P.m = number_of(E, nm, M, 0) if ne > 0 else E.fixed_m + E.blocks_m * M
     P.ne = ne * M
     P.mult_row = E.ns * places
     # What a program keeps for itself stands behind the rows of both: those are 0 behind their last order.
@@ -149,7 +150,6 @@ def shape(A, P, C, W):
         P.p[E.shared_fixed[b] + E.shared_blocks[b] * places] = E.shared[b]
     for b in range(E.ns):
         for s in range(places):
-            P.holder[b * places + s] = MEMORY if b >= E.ns - E.memories else -1
             C.atol[b * places + s] = W.step.atol[b * places + s] = E.atol[b] if s < M else _GIVEN
     W.meeting.rhythm[:, 0] = 0.0
     W.meeting.rhythm[:, 1] = 1.0

@@ -18,7 +18,6 @@ class Kind(Bundle):
     ns: "int"
     nm: "int"
     ne: "int"
-    memories: "int"  # the last ones of the states
     np: "int"
     nr: "int"
     walls: "int"  # 1: nothing that others read of an element depends on its neighbours while it sticks
@@ -32,6 +31,7 @@ class Kind(Bundle):
     s_blocks: "i8[nm + ne]"
     s_own: "i8[nm + ne]"
     s_first: "i8[nm + ne]"
+    memories: "int"  # of the states, the last ones
     fixed_m: "int"  # multipliers of the whole, and blocks of those of elements
     blocks_m: "int"
     together: "int"  # 1: what events of an element do depends on others, or acts on them

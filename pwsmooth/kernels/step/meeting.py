@@ -23,6 +23,7 @@ _ROUNDING_OF_A_FIT = 1e-12  # of a lambda near 1 in the terms of the pair's fit:
 _ROUNDING_OF_A_SERIES = 1e-14  # of what a surface is made of: the rounding of its Taylor series
 _FOLLOWED = 100.0  # times as large: the rounding of rates in which the pair has solved for multipliers
 _STANDS = 1e-13  # of the largest value that a surface has had: so near to 0 the states stand on it
+_ALIKE = 1e-12  # of gradients: surfaces that are multiples of each other
 _TOUCHES = 4  # orders to which a surface or a bound may be touched where a step begins, but for exact zeros
 _BEFORE = 1e-6  # of a step
 _AT_ONSET = 1e-3  # of a step: as near to its beginning as a defect makes a zero
@@ -198,6 +199,43 @@ def _begins_on(P, S, W, i):
     return S.deflate[i] != 0 or abs(W.step.rows[row, 0]) <= max(SURFACE_ROUNDING, _STANDS * W.meeting.widest[i])
 
 
+@inlined_kernel
+def _slope(P, W, i, k):
+    """dh_i/dx_k, from W.dh."""
+    for e in range(P.dh_row[i], P.dh_row[i + 1]):
+        if P.dh_col[e] == k:
+            return W.dh[e]
+    return 0.0
+
+
+@inlined_kernel
+def _are_alike(a, b):
+    return abs(a - b) <= _ALIKE * (abs(a) + abs(b))
+
+
+@kernel
+def _is_held(P, S, W, i):
+    """Whether what holds the motion on another surface keeps it on surface i, too: the gradient of one
+    is a multiple of that of the other, in time also; from W.dh."""
+    in_time = P.dh_row[P.m + P.ne]
+    for j in range(P.m if P.nested[i] == 0 else 0):
+        rests = S.status[j] == SOLVED or (S.status[j] == HELD and P.kind[j] == SLIDING)
+        if j == i or not rests or P.kind[j] == ALGEBRAIC or P.kind[j] == DISC or P.nested[j] != 0:
+            continue
+        factor = 0.0
+        for e in range(P.dh_row[j], P.dh_row[j + 1]):
+            if W.dh[e] != 0.0 and factor == 0.0:
+                factor = _slope(P, W, i, P.dh_col[e]) / W.dh[e]
+        alike = factor != 0.0 and _are_alike(W.dh[in_time + i], factor * W.dh[in_time + j])
+        for e in range(P.dh_row[j], P.dh_row[j + 1]):
+            alike = alike and _are_alike(_slope(P, W, i, P.dh_col[e]), factor * W.dh[e])
+        for e in range(P.dh_row[i], P.dh_row[i + 1]):
+            alike = alike and _are_alike(W.dh[e], factor * _slope(P, W, j, P.dh_col[e]))
+        if alike:
+            return True
+    return False
+
+
 @kernel
 def _note_rounding(P, C, S, W):
     """Overwrites meeting.rounding and blur: what roundings may make of each surface on which the step begins, and by
@@ -205,7 +243,7 @@ def _note_rounding(P, C, S, W):
 
     They are those of what the surface is made of, of the terms of its series and of all that adds up to the rates. A
     fit makes of the roundings of its nodes some thousands of them. Switches are looked at where something holds the
-    motion.
+    motion; a surface on which it does rests there whatever a series says.
     """
     begins, first = False, P.m
     for i in range(P.m + P.ne):
@@ -228,7 +266,7 @@ def _note_rounding(P, C, S, W):
                 terms = followed * length * W.terms[k]
                 way += abs(W.dh[e]) * (variation(W.step.rows[k], W.step.power, C.order) + terms)
             if way < math.inf and length > 0.0:
-                W.meeting.rounding[i] = part * surface_size(P, S, i, W)
+                W.meeting.rounding[i] = math.inf if _is_held(P, S, W, i) else part * surface_size(P, S, i, W)
                 W.meeting.blur[i] = part * way / length
 
 

@@ -24,7 +24,6 @@ from ..state import (
     GO_ON,
     HELD,
     KINK,
-    MEMORY,
     PAIR,
     SECOND_ORDER,
     Control,
@@ -32,7 +31,14 @@ from ..state import (
     Record,
     State,
 )
-from ..surface.sliding import keep_on_surface, side_at_zero, surface_rounding, surface_size, surface_speed
+from ..surface.sliding import (
+    is_memory,
+    keep_on_surface,
+    side_at_zero,
+    surface_rounding,
+    surface_size,
+    surface_speed,
+)
 from ..work import Work
 from .finer import ON_ITS_WAY, SWITCHING, follow_as_asked, follow_to_rest
 from .recording import record_event, record_point
@@ -87,10 +93,10 @@ def _speed_at(P, S, W, i, share):
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     square = 0.0
     for e in range(P.dh_row[row], P.dh_row[row + 1]):
-        square += W.dh[e] ** 2 if P.holder[P.dh_col[e]] != MEMORY else 0.0
+        square += W.dh[e] ** 2 if not is_memory(P, P.dh_col[e]) else 0.0
     value = W.h[row]
     for e in range(P.dh_row[row], P.dh_row[row + 1]):
-        if P.holder[P.dh_col[e]] != MEMORY:
+        if not is_memory(P, P.dh_col[e]):
             S.x[P.dh_col[e]] -= (1.0 - share) * W.dh[e] * value / square
     if P.watch_state[i] >= 0 and share == 0.0:
         S.x[P.watch_state[i]] = 0.0

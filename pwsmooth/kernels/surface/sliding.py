@@ -11,7 +11,7 @@ from numba import types
 from ..intervals import time_size
 from ..machine.compiling import inlined_kernel, kernel, unit
 from ..machine.pointers import call_act, call_fields, call_linear, call_newton
-from ..state import ALGEBRAIC, BY_ACT, COMPONENT, CONTACT, DISC, MEMORY, SECOND_ORDER, SOLVED, Problem, State
+from ..state import ALGEBRAIC, BY_ACT, COMPONENT, CONTACT, DISC, SECOND_ORDER, SOLVED, Problem, State
 from ..work import Work
 from .sparse import entry, solve_dense, solve_masked
 
@@ -131,12 +131,18 @@ def mask_instant(P, S, W):
 
 
 @inlined_kernel
+def is_memory(P, i):
+    """Whether nothing but an update changes state i, not even by a rounding."""
+    return i >= P.n - P.memories
+
+
+@inlined_kernel
 def _is_kept(P, S, i, j):
     """Whether state i is a memory, or 0 as the surface of another multiplier that is solved for, but for those of the
     disc of j."""
-    k = P.holder[i]
-    if k == MEMORY:
+    if is_memory(P, i):
         return True
+    k = P.holder[i]
     return k >= 0 and S.status[k] == SOLVED and k != j and (P.disc_of[k] < 0 or P.disc_of[k] != P.disc_of[j])
 
 
@@ -284,7 +290,8 @@ def _shift(P, S, W, turns):
     """
     up = _PART
     for i in range(P.n):
-        W.shifted_x[i] = S.x[i] + up * (W.size[i] if P.watches == 0 else abs(S.x[i]))
+        size = 0.0 if is_memory(P, i) else W.size[i] if P.watches == 0 else abs(S.x[i])
+        W.shifted_x[i] = S.x[i] + up * size
         up *= turns
     for j in range(P.m):
         W.shifted_mult[j] = S.mult[j] * (1.0 + up) if S.status[j] == SOLVED else S.mult[j]

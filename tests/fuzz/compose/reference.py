@@ -969,6 +969,9 @@ class Run:
         if len(kept) > 1:
             raise UndecidedError("several assignments")
         Q = kept[0][0]
+        for j, near, mode in kept[0][2]:
+            if mode and not nudged and S.atoms[j].kind == "floor":
+                self.require_one_way(t, x, Q, j, near)
         for j in Q.slides:
             self.answer.marks.add("slide")
             self.require_affine(t, x, Q, j)
@@ -1023,6 +1026,29 @@ class Run:
         if self.started or not any(j in one[0].slides for one in kept for j in hidden):
             return kept
         return [one for one in kept if any(j in one[0].slides for j in hidden)]
+
+    def require_one_way(self, t, x, Q, j, near):
+        """Stairs that cross lead to one side also with what jumps with them on either of its sides; else there are
+        hidden terms: what the stairs are between two of their steps may hold the motion.
+        """
+        S, given = self.S, self.given(t)
+        R, D = self.field(t, x, Q)[1:]
+        outer = [k for k, below in enumerate(S.below) if j in below]
+        sides, ways = [], set()
+        for stair in (near - 1, near):
+            M = list(Q.M)
+            M[j] = stair
+            for k in outer:
+                h = S.h[k](t, x, M, *given, R, D)[0]
+                M[k] = math.floor(h) if S.atoms[k].kind == "floor" else math.copysign(1, h)
+            sides.append(M)
+        for M in sides if sides[0][:j] + sides[0][j + 1 :] != sides[1][:j] + sides[1][j + 1 :] else []:
+            for stair in (near - 1, near):
+                M[j] = stair
+                g = S.dh[j](t, x, M, *given, R, D)
+                ways.add(g[0] + sum(a * b for a, b in zip(g[1:], S.f(t, x, M, *given, R, D))) > 0)
+        if len(ways) > 1:
+            raise UndecidedError("hidden terms")
 
     def require_affine(self, t, x, Q, j):
         """The multiplier of a slide acts affinely on its surface, pushing back; else there are hidden terms."""

@@ -417,6 +417,50 @@ def test_an_update_leaves_the_switch_that_has_just_crossed_on_its_new_side(metho
     assert run.success and run["y"][-1] == pytest.approx(0.75, abs=1e-9)
 
 
+@METHODS
+@pytest.mark.parametrize(("direction", "each"), [(-1, 1), (0, 1), (1, 0)])
+def test_an_event_on_the_gap_of_a_contact_fires_as_it_closes_and_not_as_it_rebounds(direction, each, method):
+    # The pair fits both zeros of one instant apart, and which of them comes first.
+    bell = Event(5 * x / 2 - c, direction=direction, update={n: n + 1})
+    stop = Unilateral(x, restitution=0.5)
+    force = 3 * sp.sin(2 * t + 0.3) / 4 - 1
+    system = System({x: v, v: force + stop.reaction}, time=t, parameters={c: 0}, events=[bell])
+    rng = np.random.default_rng(1)
+    for _ in range(40):
+        run = solve(system, (0, 1.6), {x: rng.uniform(0.1, 0.4), v: rng.uniform(-0.5, 0.2)}, method=method)
+        assert run["n"][-1] == each * sum(event.kind == "impact" for event in run.events)
+
+
+@METHODS
+@pytest.mark.parametrize("direction", [-1, 0, 1])
+def test_an_event_on_a_moving_surface_that_holds_the_motion_fires_as_it_comes_there_alone(direction, method):
+    # Between the nodes of its steps the pair is on the belt and on the table to its tolerance, not to rounding.
+    belt, table = c * sp.sin(3 * t), Unilateral(x - c * sp.sin(3 * t), restitution=0)
+    bells = [Event(q * (v - belt), direction=direction, update={n: n + 1})]
+    bells += [Event(q * table.gap, direction=direction, update={m: m + 1})]
+    rates = {v: sp.cos(t) / 5 - 3 * sp.sign(v - belt) / 2, x: y, y: sp.sin(2 * t) / 3 - 1 + table.reaction}
+    system = System(rates, time=t, parameters={c: 0.1, q: 1}, events=bells)
+    for factor in (-2.5, 0.3, 1):
+        for height in (0.02, -0.03):
+            given, comes = {c: height, q: factor}, int(direction * factor <= 0)
+            for tol in (1e-7, 1e-10):
+                start = {x: 0, y: 3 * height, v: 0.3}
+                run = solve(system, (0, 3), start, parameters=given, method=method, rtol=tol, atol=tol)
+                assert run.success and (run["n"][-1], run["m"][-1]) == (comes, 0)
+
+
+@METHODS
+def test_a_surface_that_has_been_passed_is_met_again_whatever_a_memory_counts(method):
+    # From the tick on x = t - t^2/2 - 7/32: up through 1/10, and down again. A memory of 1 is not a rounding less.
+    tick = Event(at=sp.Rational(1, 4), update={m: 1})
+    bell = Event(x - sp.Rational(1, 10), direction=-1, update={n: n + 1}, name="bell")
+    system = System({x: sp.Piecewise((1 - t, m >= 1), (1000, True))}, time=t, events=[bell, tick])
+    run = solve(system, (0, 2.5), {x: -250}, method=method)
+    np.testing.assert_allclose(
+        run.event_times(switch="bell"), [1 + np.sqrt(1 - 2 * (1 / 10 + 7 / 32))], atol=1e-9
+    )
+
+
 # ---- signs that jump with a sign inside
 
 
@@ -440,6 +484,19 @@ def test_a_sign_holds_the_motion_by_the_signs_that_jump_with_it(inside, unknown,
     assert run.success and not len(run.ambiguities)
     arrival = run.t[np.flatnonzero(np.abs(run["x"]) < 1e-12)[0]]
     assert run["x"][-1] == 0 and arrival == pytest.approx(0.6 / (0.625 if start < 0 else 0.375), abs=1e-9)
+
+
+@METHODS
+@pytest.mark.parametrize("unknown", [False, True])
+@pytest.mark.parametrize(("jump", "above"), [(2, 0.45), (2.75, 0.7), (-2, 0.45), (2.5, 0)])
+def test_stairs_jump_with_a_sign_inside_from_side_to_side(jump, above, unknown, method):
+    # x' = 0.45 - x below 0, and above 0.45 - x, 0.7 - x or -0.05 - x: where what is inside jumps by 2 nothing happens.
+    inside = x + jump * sp.Heaviside(x) + sp.Rational(3, 10)
+    unknowns = [Algebraic(a, 2 * (a - inside))] if unknown else []
+    system = System({x: sp.Rational(3, 4) - sp.frac(a if unknown else inside)}, algebraic=unknowns)
+    run = solve(system, (0, 1), {x: -0.25}, method=method)
+    assert run["x"][-1] == pytest.approx(-above * np.expm1(np.log(0.7 / 0.45) - 1), abs=1e-8)
+    assert run.success and not run.ambiguities
 
 
 INNER = Switch("inner", c / 4 - x)
@@ -572,6 +629,26 @@ def test_stairs_that_stand_in_stairs_on_both_of_whose_sides_these_are_met_let_th
         ):
             run = solve(system, (0, 2), {x: start})
             assert run.success and run["x"][-1] == pytest.approx(0.5, abs=1e-12) and not run.ambiguities
+
+
+@METHODS
+@pytest.mark.parametrize("unknown", [False, True])
+@pytest.mark.parametrize("first", [False, True])
+def test_what_jumps_with_stairs_that_are_met_with_it_waits_for_them_wherever_it_stands(first, unknown, method):
+    if first:
+        # At x = 0 the first of both comes down to the second, and jumps up with its tooth: the second stays the least.
+        bent = sp.Max(x, 0) / 2 + 2 * x + 0.5
+        o = sp.Min(5 * x / 2 + sp.frac(1 - 2 * x) / 2 + 0.5, bent)
+        (below, down), (above, up) = (1.0625, 0.25), (1.0625, 0.3125)
+    else:
+        # The tooth steps, with it the floor that comes to 0, and with this the tooth on it: from -x to 1/2 - x.
+        o = sp.frac(sp.floor(3 * x / 2 + sp.frac(-x / 2) / 2) / 2 - x + 0.5) * 2
+        (below, down), (above, up) = (1.0, -0.25), (1.125, -0.25)
+    unknowns = [Algebraic(a, a - o)] if unknown else []
+    system = System({x: 1 + (a if unknown else o) / 8}, algebraic=unknowns)
+    arrival = np.log(below / (below - 0.3 * down)) / down
+    run = solve(system, (0, arrival + 0.3), {x: -0.3}, method=method)
+    assert run["x"][-1] == pytest.approx(above / up * np.expm1(up * 0.3), abs=1e-9)
 
 
 @METHODS
