@@ -315,11 +315,16 @@ def _cross(S, R, W, j, order):
 
 @kernel
 def _is_met_in_time(P, C, S, W, j):
-    """Whether switch j, which the motion only passes, is met, and no state or unknown stands in its surface."""
-    if not W.instant.hit[j] or is_clocked(C, j) or abs(S.status[j]) != 1:
+    """Whether switch j, which the motion only passes, is met, or just behind a rounding of the clock, and no state or
+    unknown stands in its surface."""
+    passes = (P.kind[j] == CROSSING or P.kind[j] == KINK) and abs(S.status[j]) == 1 and not is_clocked(C, j)
+    if not passes or P.dh_row[j] < P.dh_row[j + 1] or P.unknowns[j] >= 0:
         return False
-    passes = P.kind[j] == CROSSING or P.kind[j] == KINK
-    return passes and P.dh_row[j] == P.dh_row[j + 1] and P.unknowns[j] < 0
+    if W.instant.hit[j]:
+        return True
+    evaluate_surfaces(P, S, W)
+    comes = S.status[j] * surface_speed(P, W, j) < 0.0
+    return comes and S.deflate[j] == 0 and abs(W.h[j]) <= surface_rounding(P, S, j, W)
 
 
 @kernel

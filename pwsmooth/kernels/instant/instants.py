@@ -797,7 +797,7 @@ def at_instant(P, C, S, R, W):
             only = -1
         instant.solved_there = 0
     stop, jumped = GO_ON, False
-    struck = only < 0 and strike_switches(P, C, S, R, W)
+    struck = instant.at_clock != 0 and strike_switches(P, C, S, R, W)
     changed = struck or instant.released != 0
     instant.released = 0
     if P.ne == 0 and instant.at_clock != 0:
