@@ -24,7 +24,7 @@ import numpy as np
 import sympy as sp
 from benchtools import provenance, write_json
 
-from pwsmooth import Switch, System, find_orbit, follow, lyapunov_exponents, solve
+from pwsmooth import Strobe, Switch, System, find_orbit, follow, lyapunov_exponents, solve
 from pwsmooth.analysis.maps import variations
 
 PERIOD, LONG = 2 * math.pi, 350.0
@@ -46,7 +46,7 @@ def oscillator():
 def tasks():
     """Name -> (what is timed, by how many its time is divided)."""
     system = oscillator()
-    orbit = find_orbit(system, {"y": 0.5, "v": 0.3, "z": 0}, period=2 * sp.pi, transient=20)
+    orbit = find_orbit(system, {"y": 0.5, "v": 0.3, "z": 0}, seen=Strobe(2 * sp.pi), transient=20)
     near = dict(orbit.start, y=1.01 * orbit.start["y"], v=1.01 * orbit.start["v"])
     run = solve(system, (0, PERIOD), orbit.start, dense_output=True, **TIGHT)
     without = copy.copy(run)
@@ -56,7 +56,7 @@ def tasks():
     def multipliers():
         at = orbit
         for value in values:
-            at = find_orbit(system.with_parameters({"sigma": value}), at.x, period=2 * sp.pi)
+            at = find_orbit(system.with_parameters({"sigma": value}), at.x, seen=Strobe(2 * sp.pi))
             assert at.success
 
     def exponents(count):
@@ -69,7 +69,7 @@ def tasks():
         "long run": (lambda: solve(system, (0, LONG), orbit.start), 1),
         "fundamental matrix, tape": (lambda: variations(run), 1),
         "fundamental matrix, collocation": (lambda: variations(without), 1),
-        "find_orbit": (lambda: find_orbit(system, near, period=2 * sp.pi), 1),
+        "find_orbit": (lambda: find_orbit(system, near, seen=Strobe(2 * sp.pi)), 1),
         "follow, an orbit": (lambda: follow(orbit, "sigma", to=3.3), len(branch.orbits)),
         "multipliers, a value": (multipliers, len(values)),
         "exponent": (exponents(1), 1),

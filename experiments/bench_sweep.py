@@ -58,7 +58,7 @@ def pwsmooth_runner(rtol):
     """The System is built outside the clock, as in a notebook."""
     import sympy as sp
 
-    from pwsmooth import Switch, System, sweep
+    from pwsmooth import Strobe, Switch, System, sweep
     from pwsmooth.sweep import Points
 
     t, y, v = sp.symbols("t y v", real=True)
@@ -68,7 +68,8 @@ def pwsmooth_runner(rtol):
 
     def run(ks, sigmas, workers=1, chunk=None):
         found = sweep(
-            oscillator, points={"k": ks, "sigma": sigmas}, start={y: START[0], v: START[1]}, period=2 * sp.pi / omega,
+            oscillator, points={"k": ks, "sigma": sigmas}, start={y: START[0], v: START[1]},
+            seen=Strobe(2 * sp.pi / omega),
             transient=0, periods=PERIODS, rtol=rtol, atol=1e-3 * rtol, workers=workers, chunk=chunk, progress=False,
             measures=["sticks", "itinerary", "period", "counts", Points("y", "v", last=1)],
         )  # fmt: skip

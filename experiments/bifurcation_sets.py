@@ -53,7 +53,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 from friction_oscillator import hidden, omega, v, y, z
 
-from pwsmooth import bifurcation_set, follow, sweep
+from pwsmooth import Strobe, bifurcation_set, follow, sweep
 from pwsmooth.analysis.maps import Stroboscopic
 from pwsmooth.analysis.orbits import refine
 from pwsmooth.diagrams.growing import Grown
@@ -109,8 +109,9 @@ def the_set(name: str, config: Config, store=None):
     held = dict(zip(parameters.split(), getattr(config, lines)))
     begun, spent = time.perf_counter(), sum(os.times()[:4])
     found = bifurcation_set(
-        system_of(view, config), parameters.split(), ranges, [start_of(view, s) for s in config.starts], DRIVE,
-        lines=held, symmetry=MIRROR, values=config.values, longest=config.longest, workers=config.workers,
+        system_of(view, config), parameters.split(), ranges, [start_of(view, s) for s in config.starts],
+        Strobe(DRIVE, symmetry=MIRROR),
+        lines=held, values=config.values, longest=config.longest, workers=config.workers,
         longest_step=0.1, points=1000, progress=False, store=store,
     )  # fmt: skip
     return found, {"wall": time.perf_counter() - begun, "processor": sum(os.times()[:4]) - spent}
@@ -127,7 +128,7 @@ def attractors_at(view: str, at: dict, config: Config, random) -> tuple[list, di
     points, cycle = [], []
     for transient in (config.transient, 10 * config.transient):
         found = sweep(
-            system, points=starts, start=more, period=DRIVE, transient=transient, periods=32, progress=False,
+            system, points=starts, start=more, seen=Strobe(DRIVE), transient=transient, periods=32, progress=False,
             measures=[Period(16, 1e-6), Points(*map(str, system.states), last=16)],
         )  # fmt: skip
         points = np.stack([found[f"{s}_points"].values for s in system.states], axis=-1)

@@ -37,7 +37,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 from friction_oscillator import hidden, v, y, z
 
-from pwsmooth import find_orbit, follow, follow_curve, sweep
+from pwsmooth import Strobe, find_orbit, follow, follow_curve, sweep
 from pwsmooth.analysis.continuation import branch_off
 from pwsmooth.analysis.maps import Stroboscopic
 from pwsmooth.analysis.orbits import refine
@@ -95,7 +95,7 @@ def attractors(at: dict, number: int, config: Config, random) -> tuple[list, Cou
     base, orbits, fates = Stroboscopic(system, DRIVE), [], Counter()
     for transient in (config.transient, 8 * config.transient):
         found = sweep(
-            system, points=starts, start={}, period=DRIVE, transient=transient, periods=12, progress=False,
+            system, points=starts, start={}, seen=Strobe(DRIVE), transient=transient, periods=12, progress=False,
             measures=[Period(6, 1e-6), Points("y", "v", last=6)],
         )  # fmt: skip
         ends = np.stack([found["y_points"].values, found["v_points"].values], axis=-1)
@@ -125,7 +125,7 @@ def _symmetric(orbit):
     """The orbit as one of the half-period map, if it is its own mirror image."""
     if orbit.map.count != 1:
         return orbit
-    half = find_orbit(orbit.system, list(orbit.x), period=DRIVE, symmetry=MIRROR)
+    half = find_orbit(orbit.system, list(orbit.x), seen=Strobe(DRIVE, symmetry=MIRROR))
     orbit = half if half.success and np.abs(half.x - orbit.x).max() < 1e-6 else orbit
     # A section in a stick has several states of the layer to begin with; one in the longest slip has not.
     run = orbit.map.over(orbit.x, orbit.period)

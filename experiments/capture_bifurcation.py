@@ -45,7 +45,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 from friction_oscillator import beta, coulomb, hidden, lam, omega, sigma, t, v, y, z
 
-from pwsmooth import System, find_orbit, follow, follow_curve, solve, sweep
+from pwsmooth import Strobe, System, find_orbit, follow, follow_curve, solve, sweep
 from pwsmooth.analysis.sticking import capture_threshold, critical_ratio
 from pwsmooth.plotting import COLOUR, new_figure
 from pwsmooth.sweep import Function
@@ -93,7 +93,7 @@ def layered(ratio, **values):
 def orbit(kind):
     start, ratio, drive = STARTS[kind]
     symmetry = None if kind == "one stick" else MIRROR
-    found = find_orbit(layered(ratio, sigma=drive), start, period=PERIOD, symmetry=symmetry, transient=60)
+    found = find_orbit(layered(ratio, sigma=drive), start, seen=Strobe(PERIOD, symmetry=symmetry), transient=60)
     # Where a saddle is in the layer of its crossings.
     return follow(found, sigma, to=3.8).orbits[-1] if kind == "slip only" else found
 
@@ -139,7 +139,7 @@ def from_force(kind, over, value):
     else:
         system = hidden(**values).layered({z: sp.oo if kind == "two sticks" else 0})
     symmetry = None if kind == "one stick" else MIRROR
-    found = find_orbit(system, STARTS[kind][0], period=PERIOD, symmetry=symmetry, transient=60)
+    found = find_orbit(system, STARTS[kind][0], seen=Strobe(PERIOD, symmetry=symmetry), transient=60)
     branch = follow(found, over, to=float(value)) if value != values[over] else None
     if branch is not None:
         # In the two-stage view a stick is lost where its own arrival exceeds N: from there on it is another orbit.
@@ -195,7 +195,7 @@ def seen(solution, window):
 def after(system, starts, periods):
     """Kinds and states (n, 3) of many starts, by the last of so many periods."""
     found = sweep(
-        system, points=dict(zip("yvz", starts.T)), period=2 * sp.pi, transient=periods - 1, periods=1,
+        system, points=dict(zip("yvz", starts.T)), seen=Strobe(2 * sp.pi), transient=periods - 1, periods=1,
         measures=Function(seen, names=("kind", "y_end", "v_end", "z_end")), rtol=1e-6, progress=False, workers=1,
     )  # fmt: skip
     return found["kind"].values, np.column_stack([found[f"{name}_end"].values for name in "yvz"])

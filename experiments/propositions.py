@@ -31,7 +31,7 @@ from studytools import Claim, Study, claim, command
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from paper_figures import oscillator as osc
-from pwsmooth import System, find_orbit, follow, solve
+from pwsmooth import Strobe, System, find_orbit, follow, solve
 from pwsmooth.paths.derivatives.linearised import linearise
 from pwsmooth.plotting import COLOUR, new_figure
 
@@ -112,7 +112,7 @@ def rest_end(beta, *, A=0.0, offset=0.0, over="A", to=3.0):
         parameters={size: A, shift: offset, memory: beta},
         outputs={"lam": held},
     )
-    options = dict(period=2 * sp.pi, rtol=1e-11, atol=1e-13)
+    options = dict(seen=Strobe(2 * sp.pi), rtol=1e-11, atol=1e-13)
 
     def seen(orbit):
         """(largest |lam|, least z, largest z) of an orbit."""

@@ -44,7 +44,7 @@ from studytools import Claim, Study, claim, command, parts
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from pwsmooth import Event, Switch, System, find_orbit, follow, follow_curve, solve
+from pwsmooth import Event, Strobe, Switch, System, find_orbit, follow, follow_curve, solve
 from pwsmooth.plotting import COLOUR, new_figure
 
 t, y, v, z = sp.symbols("t y v z", real=True)
@@ -121,7 +121,7 @@ def limit(field, values, period, low, high):
     """
     field = field.with_parameters({**values, A: low})
     transient = int(20 + 30 * float(field.parameters[b]))
-    orbit = find_orbit(field, {z: 0.6}, period=period, transient=min(transient, 400))
+    orbit = find_orbit(field, {z: 0.6}, seen=Strobe(period), transient=min(transient, 400))
     for most in (60, 120, 500):
         branch = follow(orbit, A, to=high, most=most)
         narrow = (
@@ -179,7 +179,7 @@ def offset_by(rho_, offset):
 def curves():
     """The fold and the touch of |lam| = 1 over (rho, A) at omega beta = 100."""
     field = system().with_parameters({b: 100.0, A: 0.9})
-    orbit = find_orbit(field, {z: 0.6}, period=sp.pi, transient=2000)
+    orbit = find_orbit(field, {z: 0.6}, seen=Strobe(sp.pi), transient=2000)
     folds = follow(orbit, A, to=6.0, most=60).of_kind("fold")[0]
     ranges = {rho: (0.55, 6.5), A: (0.5, 8.0)}
     kept = {}

@@ -24,6 +24,7 @@ from studytools import Claim, Study, claim, command
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from paper_figures import oscillator as osc
+from pwsmooth import Strobe
 from pwsmooth.analysis.continuation import branch_off, follow
 from pwsmooth.analysis.maps import Stroboscopic
 from pwsmooth.analysis.orbits import find_orbit
@@ -64,7 +65,11 @@ def run(config):
     for rtol in config.tolerances:
         system = oscillator(config, config.sigma_from)
         first = find_orbit(
-            system, {osc.y: 0.5, osc.v: 0.3, osc.z: 0}, period=PERIOD, symmetry=MIRROR, transient=30, rtol=rtol
+            system,
+            {osc.y: 0.5, osc.v: 0.3, osc.z: 0},
+            seen=Strobe(PERIOD, symmetry=MIRROR),
+            transient=30,
+            rtol=rtol,
         )
         symmetric = follow(first, "sigma", to=config.sigma_to)
         breaking.append(symmetric.of_kind("symmetry breaking")[0])

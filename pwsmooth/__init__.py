@@ -31,6 +31,8 @@ _HOME = {
     "ensemble": "sweep.ensemble",
     "solve": "solve",
     "sweep": "sweep",
+    "Strobe": "analysis.maps.seen",
+    "Return": "analysis.maps.seen",
     "find_orbit": "analysis.orbits.finding",
     "find_equilibrium": "analysis.equilibria.finding",
     "equilibria": "analysis.equilibria.finding",

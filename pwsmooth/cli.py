@@ -169,6 +169,7 @@ def sweep(
     The file is data: it names scenes, laws, axes and measures of the package, and reading it runs nothing. An example:
 
         measures = ["sticks", "itinerary", "amplitude(y)"]
+        \[seen]
         period = "2*pi/omega"
         \[system]
         scene = "friction_oscillator"
@@ -181,14 +182,10 @@ def sweep(
     Keys of the file:
         title          what the study is called
         measures       what is kept: sticks, itinerary, period, amplitude(y), ...
-        period         of the drive, a number or a formula in parameters
-        section        without a drive: a surface, as y, from return to return of which is measured
-        direction      of the section: 1 (rising) or -1 (falling)
-        longest_return the time after which a return is given up
         transient      periods or returns that are not measured, 100 by default
         periods        periods or returns that are measured, 20 by default
-        t_span         without a drive: start and end, as \[0, 50]
-        measure_from   without a drive: the time at which measuring begins
+        t_span         without \[seen]: start and end, as \[0, 50]
+        measure_from   without \[seen]: the time at which measuring begins
         rtol, atol     tolerances
         method         of solve
         max_steps      bound on the steps of an orbit
@@ -197,6 +194,10 @@ def sweep(
         \[system]      scene and law, or object (see --allow-code); law_parameters,
                       arguments of the scene, parameters; a view, as
                       layered = { z = inf } or smoothed = { eps = 1e-3 }
+        \[seen]        of a driven system: period, a number or a formula in parameters;
+                      phase, the part of it at which runs begin. Of an autonomous
+                      one: section, a surface, as "y"; direction, 1 (rising) or -1;
+                      longest, the time after which a return is given up
         \[axes]        parameters or states: lists, or { from, to, count } with
                       spacing = "linear" or "log"
         \[points]      lists of one length that are swept together
@@ -233,7 +234,6 @@ def diagram(
 
     One parameter in the ranges gives a diagram, two give a bifurcation set. The file is data, as that of a sweep:
 
-        period = "2*pi/omega"
         starts = \[{ y = 0.5, v = 0.3 }, { y = -1, v = 1 }]
         \[system]
         scene = "friction_oscillator"
@@ -244,16 +244,13 @@ def diagram(
         amplitude = \[0.5, 5]
         \[lines]
         omega = \[0.6, 1, 2]
-        \[symmetry]
-        y = "-y"
-        v = "-v"
+        \[seen]
+        period = "2*pi/omega"
+        symmetry = { y = "-y", v = "-v" }
 
     Keys of the file:
         title          what the study is called
         starts         list of tables: where trajectories start
-        period         of the drive, a number or a formula in parameters
-        section        without a drive: a surface, as y; direction, longest_return
-        phase          part of the period at which orbits are seen
         values         of a parameter in the orbit diagram; transient, keep: periods
         longest        longest orbit, in periods
         depth, most    of branches on branches, and their number
@@ -266,7 +263,8 @@ def diagram(
         \[system]      as of `pwsmooth sweep`: scene and law, or object
         \[ranges]      one or two parameters: \[least, largest]
         \[lines]       of two: values at which either is held
-        \[symmetry]    images of states under (x, t) -> (G x, t + T/2)
+        \[seen]        as of `pwsmooth sweep`; with a period also symmetry, images of
+                      states under (x, t) -> (G x, t + T/2)
         \[box]         states: \[least, largest], where equilibria are looked for
     """
     with _in_words("diagram", "interrupted; finished branches are kept, --resume goes on."), _telling(out):

@@ -48,7 +48,19 @@ def cases():
     import numpy as np
     import sympy as sp
 
-    from pwsmooth import Diffusion, Event, Kicks, Memory, Switch, System, Unilateral, find_orbit, solve, sweep
+    from pwsmooth import (
+        Diffusion,
+        Event,
+        Kicks,
+        Memory,
+        Strobe,
+        Switch,
+        System,
+        Unilateral,
+        find_orbit,
+        solve,
+        sweep,
+    )
     from pwsmooth.compare.work_precision.cases import CASES
     from pwsmooth.laws import contact, friction
     from pwsmooth.scenes import block_on_belt, falling_ball, impact_oscillator, prescribed_motion
@@ -167,14 +179,19 @@ def cases():
 
     def swept():
         data = sweep(
-            block, {"sigma": np.linspace(1, 4, 13)}, start=[0.5, 0.3], period=2 * sp.pi, transient=3, periods=4
+            block,
+            {"sigma": np.linspace(1, 4, 13)},
+            start=[0.5, 0.3],
+            seen=Strobe(2 * sp.pi),
+            transient=3,
+            periods=4,
         )
         return {name: data[name].values for name in data.variables}
 
     yield "sweep", swept
 
     def orbit():
-        found = find_orbit(block, [0.5, 0.3], period=2 * sp.pi, transient=20)
+        found = find_orbit(block, [0.5, 0.3], seen=Strobe(2 * sp.pi), transient=20)
         return {"x": np.asarray(found.x), "multipliers": np.asarray(found.multipliers), "period": found.period}
 
     yield "orbit", orbit

@@ -20,7 +20,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 
-from pwsmooth import Switch, System, sweep
+from pwsmooth import Strobe, Switch, System, sweep
 from pwsmooth.sweep import read_store
 
 t, y, v = sp.symbols("t y v", real=True)
@@ -40,7 +40,7 @@ block = System(
 axes = {"sigma": np.linspace(1.6, 4, 33), "k": np.linspace(1.5, 5, 25)}
 study = dict(
     start={"y": 0.78, "v": -1.03},
-    period=2 * sp.pi,
+    seen=Strobe(2 * sp.pi),
     transient=40,
     periods=5,
     measures=["sticks", "itinerary", "amplitude(y)"],
@@ -185,7 +185,7 @@ if __name__ == "__main__":
                 block,
                 {"sigma": np.linspace(1.6, 4, 33), "k": np.linspace(1.5, 5, 25)},
                 start={"y": 0.78, "v": -1.03},
-                period=2 * sp.pi,
+                seen=Strobe(2 * sp.pi),
                 transient=40,
                 periods=5,
                 measures=["sticks", "itinerary", "amplitude(y)"],

@@ -18,6 +18,7 @@ from ..analysis.equilibria.equilibrium import Equilibrium
 from ..analysis.equilibria.finding import equilibria
 from ..analysis.maps.scales import Scale, units_at
 from ..analysis.maps.sections import Stroboscopic, poincare_map
+from ..analysis.maps.seen import Return, Strobe, how_seen
 from ..analysis.maps.symmetry import symmetry_matrix
 from ..analysis.orbits.periodic_orbit import PeriodicOrbit
 from ..door import checks
@@ -40,8 +41,7 @@ class Looking:
     """How a diagram is looked for, over whatever parameter: checked arguments of `diagram` and `bifurcation_set`."""
 
     setting: Setting
-    given: Any  # period, section, direction, longest_return, for sweep
-    phase: float
+    seen: Strobe | Return | None
     starts: tuple[tuple[float, ...], ...]
     orbits: tuple[dict[str, Any], ...]
     box: Mapping[Any, Any] | None
@@ -58,11 +58,11 @@ class Looking:
 
     def identity(self) -> dict[str, str]:
         """What a store must agree with."""
-        s = self.setting
+        s, look = self.setting, self.seen
         return {
             "system": digest(s.system), "map": digest([None if s.map is None else [
-                str(getattr(s.map, "period", "")), str(getattr(s.map, "surface", "")), self.given["direction"]]]),
-            "phase": str(self.phase), "symmetry": digest(s.symmetry), "virtual": str(s.virtual),
+                str(getattr(s.map, "period", "")), str(getattr(s.map, "surface", "")), getattr(look, "direction", 1)]]),
+            "phase": str(getattr(look, "phase", 0.0)), "symmetry": digest(s.symmetry), "virtual": str(s.virtual),
             "starts": str(self.starts), "orbits": digest(list(self.orbits)),
             "box": str(self.box), "sweep": str((self.values, self.transient, self.keep, self.longest, self.tol)),
             "bounds": str((self.depth, self.most, self.points)), "steps": str(dict(self.steps)),
@@ -106,12 +106,9 @@ class Looking:
         system = self.setting.system.with_parameters(dict(values))
         states = [s.name for s in system.model.states]
         points: dict[Any, Any] = {name: q.tolist(), **dict(zip(states, first.T.tolist()))}
-        if self.phase and self.setting.driven:
-            periods = [self.setting.at({**values, name: float(v)}).forcing_period for v in q]
-            points[system.model.time] = (self.phase * np.array(periods)).tolist()
         kept = max(self.keep, self.longest)
         found = sweep(
-            system, points=points, **self.given, transient=transient, periods=2 * kept,
+            system, points=points, seen=self.seen, transient=transient, periods=2 * kept,
             measures=[Period(self.longest, self.tol), Points(*states, last=kept)], progress=False, store=store,
             **self.options,
         )  # fmt: skip
@@ -187,27 +184,22 @@ class Looking:
 
 
 def looking(
-    system: Any, starts: Any, period: Any, section: Any, direction: int, longest_return: float, phase: float,
-    symmetry: Any, orbits: Sequence[Any], box: Any, values: int, transient: int, keep: int, longest: int, tol: float,
+    system: Any, starts: Any, seen: Strobe | Return | None, orbits: Sequence[Any], box: Any, values: int,
+    transient: int, keep: int, longest: int, tol: float,
     depth: int, most: int, points: int, steps: Mapping[str, float], virtual: bool, options: Mapping[str, Any],
 ) -> Looking:  # fmt: skip
     """Checked arguments."""
-    map_ = None
-    if period is not None or section is not None:
-        more = {} if section is not None else {"phase": phase}
-        map_ = poincare_map(system, period, section, direction, longest_return, options, **more)
+    map_ = None if seen is None else poincare_map(system, seen, options)
     if starts is not None and map_ is None:
         raise ValueError(
-            "`starts` are trajectories, seen once a period or return; give `period` or `section` too."
+            "`starts` are trajectories: give `seen` too, Strobe(period) of a driven system or Return(section)."
         )
     single = () if starts is None else (starts,)
     given = single if starts is None or isinstance(starts, Mapping) else checks.several(starts, "`starts`")
     rows = tuple(tuple(map(float, system.initial_state(checks.mapping(s, "`starts`")))) for s in given)
     G = None
-    if symmetry is not None:
-        if map_ is None or section is not None:
-            raise ValueError("`symmetry` belongs to forced systems, together with `period`; leave it out.")
-        G = symmetry_matrix(system, symmetry, cast(Stroboscopic, map_).forcing_period)
+    if isinstance(seen, Strobe) and seen.symmetry is not None:
+        G = symmetry_matrix(system, seen.symmetry, cast(Stroboscopic, map_).forcing_period)
     unit = _units(system, [*rows, *(orbit.x for orbit in orbits if hasattr(orbit, "x"))], box)
     if map_ is not None and unit:
         map_ = replace(map_, scale=Scale(unit, unit))
@@ -220,15 +212,16 @@ def looking(
                 "and find_equilibrium()."
             )
         if isinstance(orbit, PeriodicOrbit) and map_ is None:
-            raise ValueError("`orbits` contains a periodic orbit; give its `period` or `section` too.")
+            raise ValueError(
+                "`orbits` contains a periodic orbit; say by `seen` how it is seen, Strobe or Return."
+            )
         if {p.name for p in orbit.system.parameters} != {p.name for p in system.parameters}:
             raise ValueError("`orbits` contains one of another system; give orbits of `system`.")
         kept.append(told(orbit, setting))
     if not (given or kept or box):
         raise ValueError("nothing to begin with: give `starts`, `orbits`, or a `box` of equilibria.")
-    strobe = {"period": period, "section": section, "direction": direction, "longest_return": longest_return}
     return Looking(
-        setting, strobe, phase, rows, tuple(kept), box, values, transient, keep, longest, tol, depth, most, points,
+        setting, seen, rows, tuple(kept), box, values, transient, keep, longest, tol, depth, most, points,
         steps, {"rtol": _RTOL, "atol": [_ATOL * u for u in unit] if unit else _ATOL, **options},
     )  # fmt: skip
 
@@ -250,8 +243,8 @@ def _units(system: Any, rows: Sequence[Any], box: Any) -> tuple[float, ...]:
 
 STEPS = ("step", "longest_step", "shortest_step")
 DOOR: dict[str, Any] = dict(
-    system=checks.system, direction=checks.one_of(1, -1), longest_return=checks.positive, phase=checks.number,
-    symmetry=checks.optional(checks.mapping), box=checks.optional(checks.mapping), values=checks.integer(2, 10**6),
+    system=checks.system, seen=checks.optional(how_seen), box=checks.optional(checks.mapping),
+    values=checks.integer(2, 10**6),
     transient=checks.integer(0), keep=checks.integer(1, 10**6), longest=checks.integer(1, 10_000), tol=checks.positive,
     depth=checks.integer(0, 1000), most=checks.integer(1, 10**6), points=checks.integer(2, 10**6), virtual=checks.flag,
     workers=checks.optional(checks.integer(1, 10_000)), store=checks.optional(checks.path),

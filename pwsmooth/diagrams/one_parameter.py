@@ -1,4 +1,4 @@
-"""A diagram by one call: `diagram(system, parameter, range, starts, period)`.
+"""A diagram by one call: `diagram(system, parameter, range, starts, seen)`.
 
 Chain: looking.py, tracing.py, work.py -> **one_parameter** -> study.py.
 """
@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from typing import Any
 
-from ..analysis.maps.sections import LONGEST
+from ..analysis.maps.seen import Return, Strobe
 from ..door import calls, checks
 from .looking import DOOR, SWEEPS, Starts, looking
 from .plain import values_of
@@ -26,13 +26,8 @@ def diagram(
     parameter: Any,
     range: tuple[float, float],
     starts: Starts | None = None,
-    period: Any = None,
+    seen: Strobe | Return | None = None,
     *,
-    section: Any = None,
-    direction: int = 1,
-    longest_return: float = LONGEST,
-    phase: float = 0.0,
-    symmetry: Mapping[Any, Any] | None = None,
     orbits: Sequence[Any] = (),
     box: Mapping[Any, Any] | None = None,
     values: int = 60,
@@ -58,20 +53,13 @@ def diagram(
     Parameters
     ----------
     system : System
-        Driven with `period`, or autonomous with a `section`; for equilibria alone neither.
+        Driven, seen by a Strobe, or autonomous, by a Return; for equilibria alone `seen` is left out.
     parameter : str or Symbol
         Of the system.
     range : (float, float), in the unit of the parameter
         The least and the largest value.
     starts : mapping of state to float, or sequence of such, optional
         Where trajectories start at every value of the orbit diagram, in the units of the states.
-    period : float or Expr, in the unit of the model's time
-        Of the drive; or
-    section : Expr
-        A surface that an autonomous system crosses, as in `find_orbit`.
-    symmetry : mapping of state to Expr, optional
-        (x, t) -> (G x, t + T/2) of a driven system: symmetric orbits are followed as such, and of two branches that
-        are mirror images one.
     orbits : sequence of PeriodicOrbit or Equilibrium, any length
         More to begin with, at any value in the range.
     box : mapping of state to (float, float), in the units of the states, optional
@@ -111,7 +99,7 @@ def diagram(
 
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> logistic = System({x: 0 * x}, time=t, parameters={a: 3}, events=[Event(every=1, update={x: a * x * (1 - x)})])
-    >>> found = diagram(logistic, a, (2.8, 3.5), {x: 0.3}, 1, phase=0.5, values=9)
+    >>> found = diagram(logistic, a, (2.8, 3.5), {x: 0.3}, Strobe(1, phase=0.5), values=9)
     >>> len(found.branches), found.gaps, found.unexplained.tolist()
     (3, [], [])
     """
@@ -119,7 +107,7 @@ def diagram(
     bounds = checks.interval(range, "`range`")
     steps = {"step": step, "longest_step": longest_step, "shortest_step": shortest_step}
     look = looking(
-        system, starts, period, section, direction, longest_return, phase, symmetry, orbits, box, values, transient,
+        system, starts, seen, orbits, box, values, transient,
         keep, longest, tol, depth, most, points, steps, virtual, options,
     )  # fmt: skip
     kept = None

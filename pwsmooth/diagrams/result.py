@@ -98,7 +98,7 @@ class Diagram(Described):
 
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> logistic = System({x: 0 * x}, time=t, parameters={a: 3}, events=[Event(every=1, update={x: a * x * (1 - x)})])
-    >>> found = diagram(logistic, a, (2.8, 3.5), {x: 0.3}, 1, phase=0.5, values=8)
+    >>> found = diagram(logistic, a, (2.8, 3.5), {x: 0.3}, Strobe(1, phase=0.5), values=8)
     >>> [f"{b.kind} {b.parameter:.6f}" for b in found.bifurcations]
     ['flip 3.000000', 'flip 3.449490']
     """
@@ -311,7 +311,7 @@ def read_diagram(path: Any) -> Diagram:
     >>> step = Event(every=1, update={x: a - x**2})
     >>> folded = System({x: 0 * x}, time=t, parameters={a: 0.2}, events=[step])
     >>> path = tempfile.mkdtemp() + "/folded.zarr"
-    >>> found = diagram(folded, a, (-0.5, 0.5), {x: 0.1}, 1, phase=0.5, values=5, store=path)
+    >>> found = diagram(folded, a, (-0.5, 0.5), {x: 0.1}, Strobe(1, phase=0.5), values=5, store=path)
     >>> [b.kind for b in read_diagram(path).bifurcations] == [b.kind for b in found.bifurcations]
     True
     """

@@ -81,7 +81,7 @@ class BifurcationSet(Described):
     >>> t, x, a, b = sp.symbols("t x a b", real=True)
     >>> step = Event(every=1, update={x: a - x**2 + b * x})
     >>> quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
-    >>> found = bifurcation_set(quadratic, (a, b), ((-1, 1), (-0.5, 0.5)), {x: 0.1}, 1, phase=0.5, values=6)
+    >>> found = bifurcation_set(quadratic, (a, b), ((-1, 1), (-0.5, 0.5)), {x: 0.1}, Strobe(1, phase=0.5), values=6)
     >>> sorted({curve.kind for curve in found.curves})
     ['flip', 'fold']
     """
@@ -258,7 +258,7 @@ def read_set(path: Any) -> BifurcationSet:
     >>> step = Event(every=1, update={x: a - x**2 + b * x})
     >>> quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
     >>> path = tempfile.mkdtemp() + "/quadratic.zarr"
-    >>> _ = bifurcation_set(quadratic, (a, b), ((-1, 1), (-0.5, 0.5)), {x: 0.1}, 1, phase=0.5, values=6, store=path)
+    >>> _ = bifurcation_set(quadratic, (a, b), ((-1, 1), (-0.5, 0.5)), {x: 0.1}, Strobe(1, 0.5), values=6, store=path)
     >>> len(read_set(path).curves)
     2
     """

@@ -10,14 +10,25 @@ from __future__ import annotations
 import inspect
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from ..analysis.maps.sections import LONGEST
+from ..analysis.maps.seen import Strobe
 from ..codegen.machine.workers import cores
 from ..door import checks
-from ..sweep.study import Names, StudyError, SystemTable, Table, Values, read_study, system_of, values_of
+from ..sweep.study import (
+    Names,
+    SeenTable,
+    StudyError,
+    SystemTable,
+    Table,
+    Values,
+    read_study,
+    seen_of,
+    system_of,
+    values_of,
+)
 from .one_parameter import diagram
 from .two_parameters import bifurcation_set
 
@@ -33,12 +44,7 @@ class DiagramStudy(Table):
     ranges: dict[str, Pair]
     lines: dict[str, Values] = {}
     starts: list[dict[str, float]] = []
-    period: float | str | None = None
-    section: str | None = None
-    direction: Literal[1, -1] = 1
-    longest_return: float = LONGEST
-    phase: float = 0.0
-    symmetry: dict[str, str] | None = None
+    seen: SeenTable | None = None
     box: dict[str, Pair] | None = None
     values: int = 60
     transient: int = 200
@@ -120,7 +126,7 @@ def run_study(
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> logistic = System({x: 0 * x}, time=t, parameters={a: 3}, events=[Event(every=1, update={x: a * x * (1 - x)})])
     >>> folder = Path(tempfile.mkdtemp())
-    >>> text = "period = 1\\nphase = 0.5\\nvalues = 5\\nstarts = [{ x = 0.3 }]\\nranges = { a = [2.8, 3.4] }\\n"
+    >>> text = "seen = {period = 1, phase = 0.5}\\nvalues = 5\\nstarts = [{ x = 0.3 }]\\nranges = { a = [2.8, 3.4] }\\n"
     >>> _ = (folder / "study.toml").write_text(text + "[system]\\nobject = 'logistic'\\n")
     >>> found, store = run_study(folder / "study.toml", folder, workers=1, names={"logistic": logistic})
     >>> [b.kind for b in found.bifurcations], store.name
@@ -142,23 +148,24 @@ def run_study(
 def _call_of(study: DiagramStudy, names: Names) -> tuple[Any, dict[str, Any]]:
     """`diagram` or `bifurcation_set`, and its arguments."""
     system = system_of(study.system, names)
-    period, starts = study.period, study.starts or None
+    seen, starts = seen_of(study.seen), study.starts or None
     if hasattr(system, "system") and hasattr(system, "start"):  # a scene brings its own
-        period = getattr(system, "period", None) if period is None and study.section is None else period
+        if seen is None and getattr(system, "period", None):
+            seen = Strobe(system.period)
         own = {str(getattr(key, "name", key)): value for key, value in system.start.items()}
         system = system.system
         own = {s.name: own[s.name] for s in system.model.states if s.name in own}  # a view may have fewer
         starts = [own | given for given in study.starts or [{}]]
     call: Any = diagram if len(study.ranges) == 1 else bifurcation_set
     given = study.model_dump(
-        exclude={"title", "system", "ranges", "lines", "starts", "period"}, exclude_none=True
+        exclude={"title", "system", "ranges", "lines", "starts", "seen"}, exclude_none=True
     )
     known = inspect.signature(call).parameters
     if idle := [n for n in given if n in study.model_fields_set and n not in (*known, *_RUNS)]:
         count = "one parameter" if call is diagram else "two parameters"
         raise StudyError(f"{idle[0]}: no key of a study of {count}; leave it out.")
     given = {name: value for name, value in given.items() if name in known or name in _RUNS}
-    given |= {"system": system, "starts": starts, "period": period}
+    given |= {"system": system, "starts": starts, "seen": seen}
     if call is diagram:
         ((parameter, bounds),) = study.ranges.items()
         return call, {**given, "parameter": parameter, "range": bounds}

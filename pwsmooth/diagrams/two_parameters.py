@@ -1,4 +1,4 @@
-"""A bifurcation set by one call: `bifurcation_set(system, (p, q), ranges, starts, period)`.
+"""A bifurcation set by one call: `bifurcation_set(system, (p, q), ranges, starts, seen)`.
 
     diagrams along lines in the plane  ->  their bifurcations  ->  the curve of each that is on none yet
 
@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.maps.sections import LONGEST
+from ..analysis.maps.seen import Return, Strobe
 from ..door import calls, checks
 from .growing import Grown, condition_of, grown
 from .looking import DOOR, SWEEPS, Starts, looking
@@ -42,14 +42,9 @@ def bifurcation_set(
     parameters: tuple[Any, Any],
     ranges: Sequence[tuple[float, float]],
     starts: Starts | None = None,
-    period: Any = None,
+    seen: Strobe | Return | None = None,
     *,
     lines: Mapping[Any, Sequence[float]] | None = None,
-    section: Any = None,
-    direction: int = 1,
-    longest_return: float = LONGEST,
-    phase: float = 0.0,
-    symmetry: Mapping[Any, Any] | None = None,
     orbits: Sequence[Any] = (),
     box: Mapping[Any, Any] | None = None,
     values: int = 60,
@@ -83,15 +78,9 @@ def bifurcation_set(
         Of each the least and the largest value.
     starts : mapping of state to float, or sequence of such, optional
         Where trajectories start at every value on the lines, in the units of the states.
-    period : float or Expr, in the unit of the model's time
-        Of the drive.
     lines : mapping of (str or Symbol) to sequence of float, any length, optional
         The lines: values, in its unit, at which either parameter is held, while the other one goes over its range. By
         default one each, in the middle.
-    section : Expr
-        Instead of a period: a surface that an autonomous system crosses.
-    symmetry : mapping of state to Expr, optional
-        (x, t) -> (G x, t + T/2), as of `diagram`. Mirror images have one curve.
     orbits : sequence of PeriodicOrbit or Equilibrium, any length
         More to begin with, on the lines.
     box : mapping of state to (float, float), in the units of the states, optional
@@ -126,14 +115,14 @@ def bifurcation_set(
     Notes
     -----
     A curve that meets none of the lines is not found. Two curves are one if a point of the one lies on the other, with
-    the same orbit or its mirror image.
+    the same orbit or, by a symmetry, its mirror image.
 
     The flips of x -> a - x**2 + b x lie on 4 a = (1 + b) (3 - b):
 
     >>> t, x, a, b = sp.symbols("t x a b", real=True)
     >>> step = Event(every=1, update={x: a - x**2 + b * x})
     >>> quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
-    >>> found = bifurcation_set(quadratic, (a, b), ((-1, 1), (-0.5, 0.5)), {x: 0.1}, 1, phase=0.5, values=6)
+    >>> found = bifurcation_set(quadratic, (a, b), ((-1, 1), (-0.5, 0.5)), {x: 0.1}, Strobe(1, phase=0.5), values=6)
     >>> p, q = found.of_kind("flip")[0].values
     >>> bool(abs(4 * p - (1 + q) * (3 - q)).max() < 1e-8)
     True
@@ -150,7 +139,7 @@ def bifurcation_set(
     held = _lines(lines, names, bounds)
     steps = {"step": step, "longest_step": longest_step, "shortest_step": shortest_step}
     look = looking(
-        system, starts, period, section, direction, longest_return, phase, symmetry, orbits, box, values, transient,
+        system, starts, seen, orbits, box, values, transient,
         keep, longest, tol, depth, most, points, steps, virtual, options,
     )  # fmt: skip
     kept = None

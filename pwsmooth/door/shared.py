@@ -10,10 +10,8 @@ ARGUMENTS = {
     "pwsmooth": """
 ax : Axes, optional
     Where to draw; a new figure by default.
-direction : {1, -1}
-    The section is crossed with its function rising or falling.
-longest_return : float, in the unit of the model's time
-    How long a trajectory may be on its way to the section.
+seen : Strobe or Return
+    Once a period of the drive, or whenever an autonomous system crosses a surface.
 transient, keep : int
     Periods or returns unseen, and then shown.
 **options
@@ -227,13 +225,11 @@ setting : Setting
 """,
     "pwsmooth.sweep.basins": """
 system : System
-    Driven with `period`, or autonomous with a `section`.
+    Driven, seen by a Strobe, or autonomous, seen by a Return.
 axes : mapping of name to sequence of float, any length
     The grid: starts of states, of `basins` also values of parameters, in their units.
 start : mapping of state to float, optional
     Values of the states that are no axes, in their units; of `basins` also expressions that follow the axes: {v: -2*x}.
-period : float or Expr, in the unit of the model's time
-    Of the drive; or
 longest : int
     Longest orbit, in periods or returns, that counts as periodic.
 """,
@@ -242,8 +238,6 @@ longest : int
     States, multipliers or outputs.
 """,
     "pwsmooth.diagrams": """
-phase : float, dimensionless
-    Orbits are seen at the times (k + phase)*period.
 longest : int
     Longest orbit that is looked for, in periods or returns.
 tol : float, dimensionless

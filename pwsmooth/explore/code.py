@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from .. import plotting
+from ..analysis.maps.seen import Strobe
 from ..door import checks
 from ..sweep.basins import basins, orbit_diagram
 from .describe import characteristic
-from .live import method_of, state_of, strobed_by
+from .live import method_of, seen_by, state_of
 from .subject import Subject
 
 TYPES = {"png": "image/png", "pdf": "application/pdf", "svg": "image/svg+xml"}
@@ -37,19 +38,24 @@ def script(subject: Subject, asked: Mapping[str, Any]) -> str:
         lines += ["from sympy import oo"]
     if any("np." in line for line in body):
         lines += ["import numpy as np"]
-    imports = [n for n in ("basins", "orbit_diagram", "solve") if any(f" {n}(" in line for line in body)]
+    imports = [
+        n
+        for n in ("Return", "Strobe", "basins", "orbit_diagram", "solve")
+        if any(f" {n}(" in line for line in body)
+    ]
     lines += [f"from pwsmooth import {', '.join(imports)}"] * bool(imports)
     return "\n".join([*lines, "from pwsmooth.plotting import style", "", *makes, "", *body, ""])
 
 
 def _strobes(subject: Subject, asked: Mapping[str, Any]) -> str:
     """The arguments that say what makes the strobes, and by which method."""
-    told = {n: v if n == "direction" else str(v) for n, v in _by(subject, asked).items()}
-    return ", ".join(f"{name}={value!r}" for name, value in told.items())
-
-
-def _by(subject: Subject, asked: Mapping[str, Any]) -> dict[str, Any]:
-    return strobed_by(subject, asked) | method_of(subject, asked)
+    seen = seen_by(subject, asked)
+    told = (
+        f"Strobe({str(seen.period)!r})"
+        if isinstance(seen, Strobe)
+        else f"Return({seen.section!r}, {seen.direction})"
+    )
+    return ", ".join([told, *(f"{name}={value!r}" for name, value in method_of(subject, asked).items())])
 
 
 def _own(subject: Subject, name: str) -> float | None:
@@ -105,17 +111,16 @@ def figure(subject: Subject, asked: Mapping[str, Any]) -> bytes:
             low, high, count, name = _diagram(asked)
             values = np.linspace(low, high, count)
             found = orbit_diagram(
-                subject.system.with_parameters(p), name, values, x0, **_by(subject, asked),
-                transient=100, keep=100,
+                subject.system.with_parameters(p), name, values, x0, Strobe(seen_by(subject, asked)),
+                transient=100, keep=100, **method_of(subject, asked),
             )  # fmt: skip
             found.plot(ax=drawn.subplots())
         elif view == "basins":
             axes, ranges, count = _basins(asked)
             values = {n: np.linspace(a, b, count) for n, (a, b) in zip(axes, ranges)}
             rest = {n: v for n, v in x0.items() if n not in axes}
-            basins(subject.system.with_parameters(p), values, start=rest, **_by(subject, asked)).plot(
-                ax=drawn.subplots()
-            )
+            system, seen = subject.system.with_parameters(p), seen_by(subject, asked)
+            basins(system, values, seen, start=rest, **method_of(subject, asked)).plot(ax=drawn.subplots())
         else:
             solution = subject.solve(span, x0, p)
             if view in ("phase", "characteristic"):

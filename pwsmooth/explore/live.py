@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from ..analysis.maps.seen import Return, Strobe
 from ..definition.lambdified import numpy_function
 from ..definition.model import Model
 from ..door import checks
@@ -222,14 +223,14 @@ def method_of(subject: Subject, asked: Mapping[str, Any]) -> dict[str, str]:
     return {"method": "stiff"} if orbit.tolerances.get("method") == "stiff" else {}
 
 
-def strobed_by(subject: Subject, asked: Mapping[str, Any]) -> dict[str, Any]:
-    """What makes the strobes of a map, as arguments: the period, or `section` = [state, direction], its zeros."""
+def seen_by(subject: Subject, asked: Mapping[str, Any]) -> Strobe | Return:
+    """How a map sees the motion: once a period, or by `section` = [state, direction], at its zeros."""
     if subject.period is not None:
-        return {"period": subject.period}
+        return Strobe(subject.period)
     name, direction = checks.several(asked.get("section") or ("", 1), "`section`")
     if str(name) not in [s.name for s in subject.system.states]:
         raise ValueError("the system has no period, and no state is chosen whose zeros make a section.")
-    return {"section": str(name), "direction": checks.one_of(1, -1)(direction, "`direction`")}
+    return Return(str(name), direction)
 
 
 def _numbers(given: Any, what: str) -> dict[str, float]:

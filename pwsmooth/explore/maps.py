@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from ..analysis.maps.sections import LONGEST, poincare_map
+from ..analysis.maps.sections import poincare_map
+from ..analysis.maps.seen import Return, Strobe
 from ..codegen.machine.workers import cores
 from ..door import checks
 from ..noise.diffusion import Diffusion
@@ -24,7 +25,7 @@ from ..sweep.measures import Points
 from ..sweep.refining import SweepPlan, make_plan, refine, spread
 from .describe import LIMITS
 from .labels import written
-from .live import Answer, method_of, state_of, strobed_by
+from .live import Answer, method_of, seen_by, state_of
 from .subject import Subject
 
 _SLICE = 0.05  # s between two pieces
@@ -39,16 +40,15 @@ _PATHS, _INSTANTS = 20, 601  # of the noise; as many kicks are drawn
 
 def _driven(
     subject: Subject, asked: Mapping[str, Any]
-) -> tuple[Any, dict[str, float], dict[str, Any], dict[str, Any]]:
-    """(system, start, what makes its strobes, options) of a map."""
+) -> tuple[Any, dict[str, float], Strobe | Return, dict[str, Any]]:
+    """(system, start, how it is seen, options) of a map."""
     p, x0, _ = state_of(subject, asked)
-    strobes = strobed_by(subject, asked)
     options = {
         "atol": [subject.atol.get(s.name, 1e-12) for s in subject.system.states],
         "max_steps": LIMITS["steps"],
         **method_of(subject, asked),
     }
-    return subject.system.with_parameters(p), x0, strobes, options
+    return subject.system.with_parameters(p), x0, seen_by(subject, asked), options
 
 
 class _Progress:
@@ -76,18 +76,16 @@ def _foretold(seconds: float) -> str:
     return f"↻ shows which orbit each start leads to, in {told} or so." if seconds > 40 else ""
 
 
-def _returns(strobes: Mapping[str, Any]) -> str:
+def _returns(seen: Strobe | Return) -> str:
     """What the points of a map are."""
-    if "period" in strobes:
+    if isinstance(seen, Strobe):
         return "Strobes"
-    return (
-        f"Returns to {written(strobes['section'])} = 0, {'rising' if strobes['direction'] > 0 else 'falling'}"
-    )
+    return f"Returns to {written(seen.section)} = 0, {'rising' if seen.direction > 0 else 'falling'}"
 
 
 def diagram(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
     """Strobes over a parameter. `carry`: 0 each from the same start, 1 from left to right, -1 from right to left."""
-    system, x0, strobes, options = _driven(subject, asked)
+    system, x0, seen, options = _driven(subject, asked)
     name, (low, high) = str(asked["parameter"]), checks.interval(asked["range"], "`range`")
     count = min(checks.whole(asked.get("columns", 800), "`columns`", 2), LIMITS["columns"])
     keep = min(checks.whole(asked.get("keep", 100), "`keep`", 1), LIMITS["points"])
@@ -100,14 +98,14 @@ def diagram(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
         1: "carried on from left to right",
         -1: "carried on from right to left",
     }
-    progress = _Progress(count, f"{_returns(strobes)}, {ways[int(np.sign(carry))]}.")
+    progress = _Progress(count, f"{_returns(seen)}, {ways[int(np.sign(carry))]}.")
     if carry:
-        for which, points in _carried(system, name, values, x0, keep, carry, options | strobes):
+        for which, points in _carried(system, name, values, x0, keep, carry, options | {"seen": seen}):
             yield head | progress.told(len(which)), _columns(which, points)
         return
     plan = make_plan(
         system, {name: values.tolist()}, start=x0, transient=100, periods=keep,
-        measures=[Points(*states, last=keep)], **options, **strobes,
+        measures=[Points(*states, last=keep)], seen=seen, **options,
     )  # fmt: skip
     for which, found in _paced(plan):
         points = np.stack([found[f"{state}_points"] for state in states], axis=-1)
@@ -157,10 +155,9 @@ def _columns(which: np.ndarray, points: np.ndarray) -> dict[str, np.ndarray]:
 
 def section(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
     """Strobes of the current orbit, ever more of them, until they repeat."""
-    system, x0, strobes, options = _driven(subject, asked)
+    system, x0, seen, options = _driven(subject, asked)
     method = {n: v for n, v in options.items() if n == "method"}
-    by = {"period": None, "section": None, "direction": 1} | strobes
-    strobe = poincare_map(system, by["period"], by["section"], by["direction"], LONGEST, method)
+    strobe = poincare_map(system, seen, method)
     names = [s.name for s in system.states]
     last, progress, size = np.array([[x0[n] for n in names]]), _Progress(_STROBES), 8
     while True:
@@ -173,7 +170,7 @@ def section(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
         repeats = any(bool((np.abs(off) <= _REPEATS * (1 + np.abs(tail).max(axis=0))).all()) for off in cycles)
         told["finished"] |= repeats or len(points) < size
         what, hint = (
-            "returns" if by["section"] else "periods",
+            "returns" if isinstance(seen, Return) else "periods",
             "" if subject.read_only else " Click: start there.",
         )
         yield (
@@ -188,7 +185,7 @@ def section(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
 
 def basins(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
     """The attractor that each start of a grid over two states comes to; labels as of the package, 3 added."""
-    system, x0, strobes, options = _driven(subject, asked)
+    system, x0, seen, options = _driven(subject, asked)
     axes = [str(n) for n in checks.several(asked["axes"], "`axes`")]
     ranges = [checks.interval(r, "`ranges`") for r in checks.several(asked["ranges"], "`ranges`")]
     if not len(axes) == len(ranges) == len(set(axes)) == 2:
@@ -201,7 +198,7 @@ def basins(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
     head = {"kind": "basins", "axes": axes, "ranges": ranges, "cells": n}
     counts, progress, known = np.zeros(256, int), _Progress(n * n), np.full((n, n), _UNKNOWN)
     order = _borders_first(known)
-    for which, labels, attractors in refine_basins(system, grid, start=rest, order=order, **options, **strobes):
+    for which, labels, attractors in refine_basins(system, grid, seen, start=rest, order=order, **options):
         known.flat[which] = labels
         column, row = which // n, which % n
         lowest = (column | row) & -(column | row)

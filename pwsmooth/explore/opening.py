@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ..analysis.maps.seen import Strobe
 from ..door import checks
 from ..results.files import write_whole
 from ..results.solution import Solution
@@ -115,7 +116,7 @@ def explore(
     x0: Any = None,
     *,
     t_span: Sequence[float] | None = None,
-    period: Any = None,
+    seen: Strobe | None = None,
     ranges: Mapping[Any, Sequence[float]] | None = None,
     views: Sequence[str] | None = None,
     preset: str | None = None,
@@ -132,8 +133,8 @@ def explore(
         Start, in the units of the states.
     t_span : (float, float), in the unit of the model's time, optional
         Span of the orbit.
-    period : float or Expr, in the unit of the model's time, optional
-        Of the drive: with it orbit diagram, basins and section are offered.
+    seen : Strobe, optional
+        A period of the drive: with it orbit diagram, basins and section are offered.
     ranges : mapping of parameter to (float, float), optional
         Ends of sliders, in the units of the parameters.
     views : sequence of str, optional
@@ -174,9 +175,7 @@ def explore(
     """
     show = checks.flag(show, "`show`")
     refuse_in_a_process_that_begins()
-    subject = subject_of(
-        system_or_scene, x0, t_span=t_span, period=period, ranges=ranges, views=views, noise=noise
-    )
+    subject = subject_of(system_or_scene, x0, t_span=t_span, seen=seen, ranges=ranges, views=views, noise=noise)
     subject = with_ranges(subject, subject.name.partition(",")[0].replace(" ", "_"))
     if preset is not None:
         subject = with_preset(subject, preset_of(checks.name(preset, "`preset`")))

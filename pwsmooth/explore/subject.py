@@ -13,6 +13,7 @@ import numpy as np
 import sympy as sp
 
 from .. import scenes
+from ..analysis.maps.seen import Strobe
 from ..definition.lambdified import numpy_function
 from ..door import checks
 from ..noise.diffusion import Diffusion
@@ -152,7 +153,7 @@ class Subject:
 
 
 def subject_of(
-    what: Any, x0: Any = None, *, t_span: Any = None, period: Any = None, ranges: Any = None, views: Any = None,
+    what: Any, x0: Any = None, *, t_span: Any = None, seen: Any = None, ranges: Any = None, views: Any = None,
     noise: Any = None,
 ) -> Subject:  # fmt: skip
     """The subject of a System or a scene; ValueError or TypeError for what cannot be explored."""
@@ -162,8 +163,13 @@ def subject_of(
         subject = replace(subject, start=dict(zip(map(str, subject.system.states), start)))
     if t_span is not None:
         subject = replace(subject, t_span=checks.span(t_span))
-    if period is not None:
-        subject = replace(subject, period=checks.period(period, subject.system.parameters))
+    if seen is not None:
+        checks.instance(Strobe, "Strobe(period); a section is chosen on the page")(seen, "`seen`")
+        if seen.phase or seen.symmetry:
+            raise ValueError(
+                "`seen` has a phase or a symmetry, which the page does not know; give Strobe(period)."
+            )
+        subject = replace(subject, period=checks.period(seen.period, subject.system.parameters))
     ranges = checks.mapping({} if ranges is None else ranges, "`ranges`", "parameters to (lowest, highest)")
     given = {str(k): checks.interval(v, f"`ranges` of {k}") for k, v in ranges.items()}
     for name in given:
@@ -326,9 +332,10 @@ def subject_of_study(path: Path, *, allow_code: bool = False) -> Subject:
     if isinstance(made, Scene):
         subject = _of_scene(made, None, code)
     else:
-        if study.t_span is None and study.period is None:
-            raise StudyError(f"{path}: give `t_span` or `period`: how long is a run to be?")
-        period = None if study.period is None else checks.period(study.period, made.parameters)
+        given = None if study.seen is None else study.seen.period
+        if study.t_span is None and given is None:
+            raise StudyError(f"{path}: give `t_span`, or `period` in [seen]: how long is a run to be?")
+        period = None if given is None else checks.period(given, made.parameters)
         span = study.t_span or (0.0, 20 * float(sp.sympify(period, strict=True).subs(made.parameters)))
         start = made.initial_state(study.start)
         subject = Subject(

@@ -16,7 +16,7 @@ import math
 import time
 from typing import TYPE_CHECKING, Any
 
-from ..analysis.maps.sections import LONGEST
+from ..analysis.maps.seen import Return, Strobe
 from ..door import calls, checks
 from .contract import Measure, Window
 from .measures import (
@@ -71,10 +71,7 @@ def sweep(
     points: Mapping[Any, Sequence[float]] | None = None,
     start: Mapping[Any, float] | Sequence[float] | None = None,
     measures: Any = ("sticks", "itinerary", "period"),
-    period: Any = None,
-    section: Any = None,
-    direction: int = 1,
-    longest_return: float = LONGEST,
+    seen: Strobe | Return | None = None,
     transient: int = 100,
     periods: int = 20,
     t_span: Sequence[float] | None = None,
@@ -108,14 +105,9 @@ def sweep(
     measures : sequence of Measure, str or callable
         Names ("sticks", "itinerary", "period", "amplitude(y)", "extremes(y)", "statistics(mu)", "points(y, v)",
         "counts", "lyapunov"), Measures of this module, functions of the Solution.
-    period : float or Expr, in the unit of the model's time
-        Of the drive, e.g. ``2*sympy.pi/omega``. An orbit runs for `transient` periods unseen, then `periods`
-        more are measured.
-    section : Expr
-        Of an autonomous system, instead of `period`: a function h of states and parameters. Its returns to h = 0
-        take the place of the periods.
-    longest_return : float, in the unit of the model's time
-        An orbit that is not back on the section in that time has the outcome no_return_to_the_section.
+    seen : Strobe or Return, optional
+        An orbit runs for `transient` periods of the drive (returns of an autonomous system) unseen, then `periods` more
+        are measured. One that is not back in time has the outcome no_return_to_the_section.
     units : mapping of name to str
         Of parameters, states, outputs and time; they label coordinates and variables.
     noise : Kicks or Diffusion, optional
@@ -156,7 +148,7 @@ def sweep(
     >>> k, sigma = sp.symbols("k sigma", positive=True)
     >>> lam = Switch("lam", v)
     >>> block = System({y: v, v: -sigma*sp.sin(t) - k*y - v/10 - lam}, time=t, parameters={k: 3.1, sigma: 2.4})
-    >>> found = sweep(block, {"sigma": [1.2, 2.4]}, start={"y": 0.5, "v": 0.3}, period=2*sp.pi,
+    >>> found = sweep(block, {"sigma": [1.2, 2.4]}, start={"y": 0.5, "v": 0.3}, seen=Strobe(2*sp.pi),
     ...               measures=["itinerary", "amplitude(y)"], units={"y": "m"})
     >>> found.itinerary.values.tolist()
     ['S R S L', 'R L']
@@ -166,7 +158,7 @@ def sweep(
     >>> x, u = sp.symbols("x u", real=True)
     >>> mu = sp.Symbol("mu", positive=True)
     >>> pol = System({x: u, u: mu*(1 - x**2)*u - x}, parameters={mu: 1})
-    >>> found = sweep(pol, {"mu": [0.1, 1.0]}, start={"x": 1, "u": 0}, section=u, direction=-1,
+    >>> found = sweep(pol, {"mu": [0.1, 1.0]}, start={"x": 1, "u": 0}, seen=Return(u, -1),
     ...               measures=["period", "amplitude(x)"])
     >>> found.period_time.values.round(5).tolist()
     [6.28711, 6.66329]
@@ -188,9 +180,8 @@ def sweep(
             "ProcessPoolExecutor() or a Dask client's `get_executor()`."
         )
     planned = make_plan(
-        system, axes, points=points, start=start, measures=measures, period=period, section=section,
-        direction=direction, longest_return=longest_return, transient=transient, periods=periods, t_span=t_span,
-        measure_from=measure_from, units=units, noise=noise, **options,
+        system, axes, points=points, start=start, measures=measures, seen=seen, transient=transient, periods=periods,
+        t_span=t_span, measure_from=measure_from, units=units, noise=noise, **options,
     )  # fmt: skip
     plan, where = planned.plan, planned.where
     limit = checks.optional(checks.positive)(max_seconds, "`max_seconds`")

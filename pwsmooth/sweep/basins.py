@@ -18,7 +18,8 @@ import numpy as np
 
 from ..analysis.lyapunov import lyapunov_exponents
 from ..analysis.maps.scales import scale_along
-from ..analysis.maps.sections import LONGEST, poincare_map
+from ..analysis.maps.sections import poincare_map
+from ..analysis.maps.seen import Return, Strobe, how_seen
 from ..analysis.orbits.periodic_orbit import PeriodicOrbit
 from ..definition.lambdified import numpy_function
 from ..door import calls, checks
@@ -67,7 +68,7 @@ class Basins(Described):
 
     >>> t, x = sp.symbols("t x", real=True)
     >>> clock = Event(sp.sin(2 * sp.pi * t - 1), direction=1, update={x: x + (x - x**3) / 2})
-    >>> found = basins(System({x: 0 * x}, time=t, events=[clock]), {x: [-0.5, 0.1, 0.2]}, 1, transient=60)
+    >>> found = basins(System({x: 0 * x}, time=t, events=[clock]), {x: [-0.5, 0.1, 0.2]}, Strobe(1), transient=60)
     >>> [round(float(found.attractors[k].x[0]), 6) for k in found.labels]
     [-1.0, 1.0, 1.0]
     """
@@ -118,18 +119,14 @@ class Basins(Described):
 @checks.door(
     calls.SWEEPS,
     system=checks.system, axes=checks.mapping, start=checks.optional(checks.mapping), tol=checks.positive,
-    transient=checks.integer(0), longest=checks.integer(1, 10_000), direction=checks.one_of(1, -1),
-    longest_return=checks.positive,
+    transient=checks.integer(0), longest=checks.integer(1, 10_000), seen=how_seen,
 )  # fmt: skip
 @whole
 def basins(
     system: Any,
     axes: Mapping[Any, Sequence[float]],
-    period: Any = None,
+    seen: Strobe | Return,
     *,
-    section: Any = None,
-    direction: int = 1,
-    longest_return: float = LONGEST,
     start: Mapping[Any, float] | None = None,
     transient: int = 200,
     longest: int = 8,
@@ -140,9 +137,6 @@ def basins(
 
     Parameters
     ----------
-    section : Expr
-        A surface, function of states, that an autonomous system crosses, as in `find_orbit`. Two starts that meet one
-        orbit at different phases cross it in the same points.
     transient : int
         Periods or returns before a trajectory is looked at. Slow ones are led on (see Notes).
     tol : float, dimensionless
@@ -170,7 +164,7 @@ def basins(
 
     >>> t, x = sp.symbols("t x", real=True)
     >>> clock = Event(sp.sin(2 * sp.pi * t - 1), direction=1, update={x: x + (x - x**3) / 2})
-    >>> found = basins(System({x: 0 * x}, time=t, events=[clock]), {x: [-0.5, 0.1, 0.2]}, 1, transient=60)
+    >>> found = basins(System({x: 0 * x}, time=t, events=[clock]), {x: [-0.5, 0.1, 0.2]}, Strobe(1), transient=60)
     >>> [f"{share:.3f}" for share in found.shares]
     ['0.667', '0.333']
 
@@ -180,7 +174,7 @@ def basins(
     >>> r2 = x**2 + y**2
     >>> growth = (1 - r2) * (4 - r2) * (9 - r2) / 20
     >>> circles = System({x: growth * x - y, y: growth * y + x})
-    >>> found = basins(circles, {x: [0.5, 1.9, 2.1]}, start={y: 0}, section=y, transient=20)
+    >>> found = basins(circles, {x: [0.5, 1.9, 2.1]}, start={y: 0}, seen=Return(y), transient=20)
     >>> [f"{sp.Float(found.attractors[k].x[0], 4)}" for k in found.labels]
     ['1.000', '1.000', '3.000']
     """
@@ -208,7 +202,7 @@ def basins(
             [columns[name] == value for name, value in zip(values, one)] or [labels == UNSETTLED], axis=0
         )
         at_value = system.with_parameters(dict(zip(values, map(float, one)))) if values else system
-        search = _Search(at_value, period, section, direction, longest_return, longest, tol, options)
+        search = _Search(at_value, seen, longest, tol, options)
         grid = (axes, {}) if not values and len(starts) == len(columns) else (
             None, {"points": {name: column[here] for name, column in starts.items()}}
         )  # fmt: skip
@@ -258,15 +252,11 @@ class _Search:
     """Runs of the Poincare map of one system, and the attractors that they have led to."""
 
     def __init__(
-        self, system: Any, period: Any, section: Any, direction: int, longest_return: float, longest: int, tol: float,
-        options: Mapping[str, Any],
-    ) -> None:  # fmt: skip
-        base = poincare_map(system, period, section, direction, longest_return, {})
-        self.system, self.longest, self.options = system, longest, dict(options)
+        self, system: Any, seen: Strobe | Return, longest: int, tol: float, options: Mapping[str, Any]
+    ) -> None:
+        base = poincare_map(system, seen, {})
+        self.system, self.seen, self.longest, self.options = system, seen, longest, dict(options)
         self.names = [s.name for s in system.model.states]
-        self.strobed: dict[str, Any] = dict(
-            period=period, section=section, direction=direction, longest_return=longest_return
-        )
         self.attractors = Attractors(base, longest, tol)
 
     def take_units(self, starts: np.ndarray) -> None:
@@ -287,7 +277,7 @@ class _Search:
         from . import sweep
 
         data = sweep(
-            self.system, grid, **self.strobed, periods=seen, measures=self.measures(kept),
+            self.system, grid, seen=self.seen, periods=seen, measures=self.measures(kept),
             **{"progress": False, **self.options, **more},
         )  # fmt: skip
         return self.read({str(name): values.values for name, values in data.items()})
@@ -332,17 +322,13 @@ class _Search:
 @checks.door(
     calls.POINTS,
     system=checks.system, axes=checks.mapping, start=checks.optional(checks.mapping), tol=checks.positive,
-    transient=checks.integer(0), longest=checks.integer(1, 10_000), direction=checks.one_of(1, -1),
-    longest_return=checks.positive,
+    transient=checks.integer(0), longest=checks.integer(1, 10_000), seen=how_seen,
 )  # fmt: skip
 def refine_basins(
     system: Any,
     axes: Mapping[Any, Sequence[float]],
-    period: Any = None,
+    seen: Strobe | Return,
     *,
-    section: Any = None,
-    direction: int = 1,
-    longest_return: float = LONGEST,
     start: Mapping[Any, float] | None = None,
     transient: int = 200,
     longest: int = 8,
@@ -358,8 +344,6 @@ def refine_basins(
 
     Parameters
     ----------
-    section : Expr
-        A surface that an autonomous system crosses.
     transient : int
         Periods or returns after which a trajectory that no known attractor has drawn in is looked at as `basins` does.
     tol : float, dimensionless
@@ -384,14 +368,15 @@ def refine_basins(
     >>> t, x = sp.symbols("t x", real=True)
     >>> clock = Event(sp.sin(2 * sp.pi * t - 1), direction=1, update={x: x + (x - x**3) / 2})
     >>> cubic = System({x: 0 * x}, time=t, events=[clock])
-    >>> for indices, labels, attractors in refine_basins(cubic, {x: np.linspace(-0.5, 0.5, 100)}, 1, transient=60):
+    >>> grid = {x: np.linspace(-0.5, 0.5, 100)}
+    >>> for indices, labels, attractors in refine_basins(cubic, grid, Strobe(1), transient=60):
     ...     print(len(indices), sorted(round(float(orbit.x[0]), 6) for orbit in attractors))
     ...     break
     40 [-1.0, 1.0]
     """
-    search = _Search(system, period, section, direction, longest_return, longest, tol, options)
+    search = _Search(system, seen, longest, tol, options)
     plan = functools.partial(
-        make_plan, system, axes, start=start, **search.strobed, transient=transient, periods=2 * longest,
+        make_plan, system, axes, start=start, seen=seen, transient=transient, periods=2 * longest,
         measures=search.measures(2 * longest + 1),
     )  # fmt: skip
     planned = plan(**options)
@@ -479,7 +464,7 @@ class OrbitDiagram(Described):
 
     >>> x, t, c = sp.symbols("x t c", real=True)
     >>> logistic = System({x: 0*x}, time=t, parameters={c: 3}, events=[Event(every=1, update={x: c*x*(1 - x)})])
-    >>> orbit_diagram(logistic, c, [2.5, 3.2], {x: 0.3}, 1, keep=4)["x"].shape
+    >>> orbit_diagram(logistic, c, [2.5, 3.2], {x: 0.3}, Strobe(1), keep=4)["x"].shape
     (2, 4)
     """
 
@@ -607,7 +592,7 @@ class OrbitDiagram(Described):
 @checks.door(
     calls.SWEEPS,
     system=checks.system, values=checks.numbers, start=checks.mapping, transient=checks.integer(0),
-    keep=checks.integer(1, 10**7), carry=checks.flag, direction=checks.one_of(1, -1), longest_return=checks.positive,
+    keep=checks.integer(1, 10**7), carry=checks.flag, seen=how_seen,
 )  # fmt: skip
 @whole
 def orbit_diagram(
@@ -615,11 +600,8 @@ def orbit_diagram(
     parameter: Any,
     values: Sequence[float],
     start: Mapping[Any, float],
-    period: Any = None,
+    seen: Strobe | Return,
     *,
-    section: Any = None,
-    direction: int = 1,
-    longest_return: float = LONGEST,
     transient: int = 200,
     keep: int = 40,
     carry: bool = False,
@@ -635,8 +617,6 @@ def orbit_diagram(
         In the unit of the parameter.
     start : mapping of state to float
         Of every run or, with `carry`, of the first one, in the units of the states.
-    section : Expr
-        A surface, function of states and parameters, that an autonomous system crosses, as in `find_orbit`.
     carry : bool
         Begin each run where the one before ended: follows an attractor and shows hysteresis when the values come
         back. Without it all runs are independent and use all cores.
@@ -657,7 +637,7 @@ def orbit_diagram(
 
     >>> x, t, c = sp.symbols("x t c", real=True)
     >>> logistic = System({x: 0*x}, time=t, parameters={c: 3}, events=[Event(every=1, update={x: c*x*(1 - x)})])
-    >>> shown = orbit_diagram(logistic, c, [2.5, 3.2], {x: 0.3}, 1, carry=True, keep=4)
+    >>> shown = orbit_diagram(logistic, c, [2.5, 3.2], {x: 0.3}, Strobe(1), carry=True, keep=4)
     >>> [len(set(row.round(6))) for row in shown["x"]]
     [1, 2]
 
@@ -665,22 +645,21 @@ def orbit_diagram(
 
     >>> x, u, f = sp.symbols("x u f", real=True)
     >>> driven = System({x: u, u: -x - u/5 + f*sp.sign(u)}, parameters={f: 1})
-    >>> orbit_diagram(driven, f, [1, 2], {x: 3, u: 0}, section=u, direction=-1, keep=1)["x"].round(4).tolist()
+    >>> orbit_diagram(driven, f, [1, 2], {x: 3, u: 0}, Return(u, -1), keep=1)["x"].round(4).tolist()
     [[6.3868], [12.7736]]
     """
     name = checks.lookup(parameter, system.parameters, "`parameter`", "parameter").name
     at_values = np.asarray(values)
     if carry and (idle := sorted(options.keys() - set(calls.RUNS))):
         raise ValueError(f"`{idle[0]}` is for independent runs; leave it out, or `carry`.")
-    base = poincare_map(system, period, section, direction, longest_return, options if carry else {})
+    base = poincare_map(system, seen, options if carry else {})
     states = tuple(s.name for s in system.model.states)
-    strobed_by = "period" if section is None else "return"
+    strobed_by = "period" if isinstance(seen, Strobe) else "return"
     if not carry:
         from . import Points, sweep
 
         found = sweep(
-            system, {name: at_values.tolist()}, start=start, period=period, section=section, direction=direction,
-            longest_return=longest_return, transient=transient, periods=keep,
+            system, {name: at_values.tolist()}, start=start, seen=seen, transient=transient, periods=keep,
             measures=[Points(*states, last=keep)], **{"progress": False, **options},
         )  # fmt: skip
         points = np.stack([found[f"{s}_points"].values for s in states], axis=-1)

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..analysis.maps.seen import Return
 from ..paths.budget import Budget, Stop, within
 from ..results.records import Outcome
 from ..solve import EXPLICIT
@@ -39,7 +40,7 @@ def _values(plan, columns, spending):
         from .orbits import run_orbits
 
         orbits = run_orbits(plan, columns)
-        returns = orbits.strobe_t if plan.longest_return is not None else None
+        returns = orbits.strobe_t if isinstance(plan.seen, Return) else None
         for measure in (m for m in plan.measures if m.compiled):
             for name, values in measure.gather(orbits, plan.setting).items():
                 result[name][:] = values

@@ -46,7 +46,7 @@ class Sticks(Measure):
     >>> t, y, v = sp.symbols("t y v", real=True)
     >>> sigma = sp.Symbol("sigma", positive=True)
     >>> block = System({y: v, v: -sigma * sp.sin(t) - 3 * y - sp.sign(v)}, time=t, parameters={sigma: 1})
-    >>> found = sweep(block, {"sigma": [1.2]}, start={"y": 0.5, "v": 0.3}, period=2 * sp.pi, measures=["sticks"])
+    >>> found = sweep(block, {"sigma": [1.2]}, start={"y": 0.5, "v": 0.3}, seen=Strobe(2 * sp.pi), measures=["sticks"])
     >>> found["sticks"].values.tolist()
     [2.0]
     """
@@ -101,7 +101,7 @@ class Points(Measure):
         The states.
 
     >>> t, x = sp.symbols("t x", real=True)
-    >>> found = sweep(System({x: sp.cos(t) - x}, time=t), {"x": [0.0, 3.0]}, period=2 * sp.pi, transient=5,
+    >>> found = sweep(System({x: sp.cos(t) - x}, time=t), {"x": [0.0, 3.0]}, seen=Strobe(2 * sp.pi), transient=5,
     ...               measures=[Points("x", last=2)])
     >>> found["x_points"].values.round(6).tolist()  # x = (cos t + sin t)/2 is the periodic orbit
     [[0.5, 0.5], [0.5, 0.5]]

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..analysis.maps.seen import Return
 from ..kernels.sweeping.state import EXTREMES
 from ..paths.budget import spending
 from ..paths.call import Options
@@ -32,7 +33,7 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
     options, setting, system = dict(plan.options), plan.setting, plan.system
     model, count = system.model, len(next(iter(columns.values())))
     t0, begin, end, period = plan.windows(columns, count)
-    strobes, section = setting.periods + 1, plan.longest_return is not None
+    strobes, section = setting.periods + 1, isinstance(plan.seen, Return)
     base = np.array(system.parameter_values, float)
     run = EventDriven(
         model,
@@ -73,7 +74,7 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
             outputs=run.sizes.outputs if outputs else 0,
             section=ne - 1 if section else -1,
             transient=plan.transient,
-            longest_return=plan.longest_return or 0.0,
+            longest_return=plan.seen.longest if section else 0.0,
             longest=setting.period_detector.longest if setting.strobed_by else 0,
             period_tol=setting.period_detector.tol,
             stop=gone,
@@ -119,7 +120,7 @@ def _see_the_end(plan, columns, orbits):
     model, n = plan.system.model, orbits.x0.shape[1]
     acting = [event for event in model.events if event.update]
     at_once = any(event.surface is None for event in acting) or (
-        plan.longest_return is not None and (acting or any(mu.impact for mu in model.multipliers))
+        isinstance(plan.seen, Return) and (acting or any(mu.impact for mu in model.multipliers))
     )
     stopped = orbits.code == Outcome.TERMINATED if any(event.terminal for event in acting) else False
     for q in np.flatnonzero(orbits.wanted & EXTREMES).tolist():
@@ -128,7 +129,7 @@ def _see_the_end(plan, columns, orbits):
             last[orbits.code_done] = orbits.strobe[orbits.code_done, -1, place]
         again = stopped | (at_once and place >= n) & orbits.code_done
         for i in np.flatnonzero(again).tolist():
-            times = None if plan.longest_return is None else orbits.strobe_t[i]
+            times = orbits.strobe_t[i] if isinstance(plan.seen, Return) else None
             last[i] = solve_point(plan, columns, i, False, times)[0][plan.setting.quantities[q]][-1]
         orbits.low[:, q] = np.fmin(orbits.low[:, q], last)
         orbits.high[:, q] = np.fmax(orbits.high[:, q], last)

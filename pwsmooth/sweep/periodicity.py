@@ -36,7 +36,7 @@ class Period(Measure):
     >>> t, x, c = sp.symbols("t x c", real=True)
     >>> jump = Event(sp.sin(2 * sp.pi * t - 1), direction=1, update={x: c * x * (1 - x)})
     >>> logistic = System({x: 0 * x}, time=t, parameters={c: 3}, events=[jump])
-    >>> found = sweep(logistic, {"c": [2.5, 3.2, 3.5, 3.9]}, start={"x": 0.3}, period=1, transient=500,
+    >>> found = sweep(logistic, {"c": [2.5, 3.2, 3.5, 3.9]}, start={"x": 0.3}, seen=Strobe(1), transient=500,
     ...               measures=[Period(longest=8)])
     >>> found["period"].values.tolist()
     [1, 2, 4, 0]

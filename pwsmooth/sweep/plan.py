@@ -16,7 +16,8 @@ import numpy as np
 import sympy as sp
 
 from ..analysis.maps.poincare import RETURN
-from ..analysis.maps.sections import LONGEST, section_of, watching
+from ..analysis.maps.sections import section_of, watching
+from ..analysis.maps.seen import Return, Strobe, how_seen
 from ..definition.lambdified import numpy_function
 from ..definition.model import EventSpec
 from ..door import calls, checks
@@ -47,14 +48,13 @@ class Plan:
     t0: float
     span: float | None  # without a drive: length of the run
     measure_from: float | None
-    period: Any  # sympy expression in the parameters, or None
+    seen: Strobe | Return | None  # of a Return the last event of the system is the section
     transient: int
     periods: int
     measures: tuple[Measure, ...]
     setting: Setting
     options: tuple[tuple[str, Any], ...]  # of solve
     noise: Any = None
-    longest_return: float | None = None  # to the section, the last event of the system; None without one
 
     @property
     def path(self) -> Path:
@@ -108,16 +108,17 @@ class Plan:
         for name, kind in self.kinds:
             if kind == "time":
                 t0 = np.array(columns[name], float)
-        if self.longest_return is not None:
+        if isinstance(self.seen, Return):
             unknown = np.full(count, np.nan)
             return t0, unknown, unknown, unknown
-        if self.period is None:
+        if self.seen is None:
             begin = np.broadcast_to(self.t0 if self.measure_from is None else self.measure_from, t0.shape)
             end = t0 + self.span
             return t0, np.maximum(begin, t0), end, end - np.maximum(begin, t0)
         symbols = tuple(self.system.parameters)
         values = [columns.get(s.name, self.system.parameters[s]) for s in symbols]
-        period = np.broadcast_to(np.asarray(_numeric(self.period, symbols)(*values), float), t0.shape)
+        period = np.broadcast_to(np.asarray(_numeric(self.seen.period, symbols)(*values), float), t0.shape)
+        t0 = t0 + self.seen.phase * period
         begin = t0 + self.transient * period
         return t0, begin, begin + self.periods * period, period
 
@@ -126,7 +127,9 @@ class Plan:
         from ..codegen.machine.cache import fingerprint
         from .identity import digest as told
 
-        floats = sorted(map(sp.srepr, self.period.atoms(sp.Float))) if self.period else []
+        look = self.seen
+        period = look.period if isinstance(look, Strobe) else None
+        floats = sorted(map(sp.srepr, period.atoms(sp.Float))) if period else []
         own = ("pwsmooth.sweep.", "pwsmooth.analysis.")
         coded = [m for m in self.measures if isinstance(m, Function) or not type(m).__module__.startswith(own)]
         items = {
@@ -134,16 +137,18 @@ class Plan:
             "parameters": _listed({str(p): v for p, v in self.system.parameters.items()}),
             "start": _listed(dict(zip(self.setting.states, self.start))),
             "time": _listed(dict(t0=self.t0, span=self.span, measure_from=self.measure_from)),
-            "period": str(self.period) + (f" with {', '.join(floats)}" if floats else ""),
+            "period": str(period) + (f" with {', '.join(floats)}" if floats else ""),
             "transient and periods": f"{self.transient}, {self.periods}",
             "tolerances and method": _listed(dict(self.options)),
             "noise": repr(self.noise) + (f" {told(self.noise)}" if self.noise else ""),
             "measures": "; ".join(_described(m) for m in self.measures) + (f"; {told(coded)}" if coded else ""),
         }
-        if self.longest_return is not None:
+        if isinstance(look, Strobe) and look.phase:
+            items["phase"] = repr(look.phase)
+        if isinstance(look, Return):
             event = self.system.model.events[-1]
             way = "rising" if event.direction > 0 else "falling"
-            items["section"] = f"{event.surface} = 0 {way}, within {self.longest_return!r}"
+            items["section"] = f"{event.surface} = 0 {way}, within {look.longest!r}"
         for name, (dim, values) in axes.values.items():
             digest = hashlib.sha256(values.tobytes()).hexdigest()[:12]
             items[f"axis {name}"] = (
@@ -192,15 +197,14 @@ def why_not(outcome: int) -> str:
     texts = {int(o): str(o) for o in Outcome} | {
         int(Outcome.FINISHED): "",
         REFUSED: "refused: the system does not take this value of the parameter or start.",
-        NO_RETURN: "no return: it does not cross the section in this direction within `longest_return`; it may rest.",
+        NO_RETURN: "no return: it does not cross the section in this direction within `longest`; it may rest.",
     }
     return texts[outcome]
 
 
 def read_plan(
-    system: Any, axes: Any, points: Any, start: Any, measures: Any, t_span: Any, measure_from: Any, period: Any,
+    system: Any, axes: Any, points: Any, start: Any, measures: Any, t_span: Any, measure_from: Any, seen: Any,
     transient: Any, periods: Any, units: Any, noise: Any, options: Mapping[str, Any],
-    section: Any = None, direction: Any = 1, longest_return: Any = LONGEST,
 ) -> tuple[Plan, Axes]:  # fmt: skip
     """The checked plan and axes; `system` is a System or a scene."""
     if hasattr(system, "system") and hasattr(system, "start"):
@@ -210,54 +214,52 @@ def read_plan(
         units = {**getattr(scene, "units", {}), **check_units(system, units)}
         if getattr(scene, "atol", None) and "atol" not in options:
             options = {**options, "atol": [scene.atol.get(str(s), _ATOL) for s in system.states]}
-        if period is None and t_span is None and section is None:
-            period, t_span = scene.period, None if scene.period else scene.t_span
+        if seen is None and t_span is None:
+            seen, t_span = (Strobe(scene.period), None) if scene.period else (None, scene.t_span)
     else:
         checks.system(system, "`system`")
         units = check_units(system, units)
     if options.get("record") is None:
         system = system._without_levels()
     checks.optional(checks.instance((Kicks, Diffusion), "Kicks(...) or Diffusion(...)"))(noise, "`noise`")
-    direction = checks.one_of(1, -1)(direction, "`direction`")
-    longest_return = checks.positive(longest_return, "`longest_return`")
-    if section is not None:
+    checks.optional(how_seen)(seen, "`seen`")
+    if isinstance(seen, Return):
         if noise is not None:
-            raise ValueError("`section` counts the returns of a flow without `noise`; leave one of them out.")
-        surface = section_of(system, section, "`section`")
-        system = watching(system, EventSpec(RETURN, surface, direction=direction))
+            raise ValueError("`seen` counts the returns of a flow without `noise`; leave `noise` out.")
+        surface = section_of(system, seen.section, "`section`")
+        system = watching(system, EventSpec(RETURN, surface, direction=seen.direction))
     where = read_axes(system, axes, points)
     first = where.columns(0, 1)
     if start is not None and not isinstance(start, Mapping):
         start = dict(zip(system.states, system.initial_state(start), strict=True))
     given = {str(k): v for k, v in (start or {}).items()}
     swept = {name for name, kind in where.kinds.items() if kind == "state"}
-    begin = checks.span(t_span)[0] if period is None and t_span is not None else 0.0
+    begin = checks.span(t_span)[0] if seen is None and t_span is not None else 0.0
     initial = system.initial_state(given | {name: float(first[name][0]) for name in swept}, begin)
     for name, kind in where.kinds.items():
         if kind == "noise" and not hasattr(noise, name):
             raise ValueError(f"an axis {name!r} needs `noise=` with a {name}, such as Kicks(..., {name}=0).")
-    named = [n for n, e in (("period", period), ("section", section), ("t_span", t_span)) if e is not None]
-    if not named:
+    if (seen is None) == (t_span is None):
         raise ValueError(
-            "give `period`, the period of the drive, `section`, a surface that an autonomous system crosses, or "
-            "`t_span`, how long a run lasts."
-        )
-    if len(named) > 1:
-        raise ValueError(f"give `{named[0]}` or `{named[1]}`, not both.")
+            "give `seen` or `t_span`, not both." if seen is not None else "give `seen`, Strobe(period) of a driven "
+            "system or Return(section) of an autonomous one, or `t_span`, how long a run lasts."
+        )  # fmt: skip
     if t_span is None:
         if measure_from is not None:
             raise ValueError(
-                "`measure_from` belongs to `t_span`; with `period` or `section` measuring begins after `transient`."
+                "`measure_from` belongs to `t_span`; with `seen` measuring begins after `transient`."
             )
         transient = checks.whole(transient, "`transient`", 0)
         periods = checks.whole(periods, "`periods`", 1)
         if not memory.fits(_PILOTS * 8 * (periods + 1) * len(system.states)):
             raise ValueError(f"`periods` is {periods}; that many points do not fit into memory. Give fewer.")
         t0, span = 0.0, None
-    if period is not None:
+    if isinstance(seen, Strobe):
         at = {p.name: p for p in system.parameters}
         lowest = {at[name]: values.min() for name, (_, values) in where.values.items() if name in at}
-        period = checks.period(period, system.parameters | lowest)
+        if seen.phase and "time" in where.kinds.values():
+            raise ValueError("`seen` has a phase, and the start time is swept; leave one of them out.")
+        seen = Strobe(checks.period(seen.period, system.parameters | lowest), seen.phase)
     elif t_span is not None:
         t0, t1 = checks.span(t_span)
         span, transient, periods = t1 - t0, 0, 1
@@ -268,13 +270,12 @@ def read_plan(
     chosen = tuple(_measure(m) for m in _listing(measures))
     if more := {name: e for measure in chosen for name, e in measure.outputs.items()}:
         system = system._extended({}, more)
-    strobed_by = "period" if period is not None else "return" if section is not None else ""
+    strobed_by = "" if seen is None else "period" if isinstance(seen, Strobe) else "return"
     setting = _setting(system, chosen, periods, strobed_by, tuple(sorted(units.items())))
     plan = Plan(
         system=system, start=tuple(initial), kinds=tuple(where.kinds.items()), t0=t0, span=span,
-        measure_from=measure_from, period=period, transient=transient, periods=periods, measures=chosen,
+        measure_from=measure_from, seen=seen, transient=transient, periods=periods, measures=chosen,
         setting=setting, options=_options(system, options), noise=noise,
-        longest_return=longest_return if section is not None else None,
     )  # fmt: skip
     if dict(plan.options).get("record") is not None and any(
         not isinstance(m, Function) or m.dense for m in chosen
@@ -304,7 +305,7 @@ def _check_noise(plan: Plan, columns: Mapping[str, np.ndarray]) -> None:
     call = call.changed(system=plan.system, span=(t0, end), start=plan.start, noise=plan.noise)
     path_for(call)
     if not plan.has_polynomials and hasattr(call.random, "interval"):
-        what = "`t_span`" if plan.period is None else "the end of the last period"
+        what = "`t_span`" if plan.seen is None else "the end of the last period"
         if call.random.interval(t0, what) == call.random.interval(end, what):
             raise ValueError(f"{what} is {end:g}, within one `step` of the diffusion; give a shorter `step`.")
 

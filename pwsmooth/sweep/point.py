@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..analysis.maps.poincare import RETURN
+from ..analysis.maps.seen import Return
 from ..results.records import Outcome
 from .contract import Window
 from .plan import Plan
@@ -40,7 +41,7 @@ def solve_point(
     def run(until: float, dense_output: bool = False) -> Any:
         return plan.solver(dense_output)(system, (t0, until), start, noise=noise)
 
-    if plan.longest_return is not None:
+    if isinstance(plan.seen, Return):
         if times is None:
             times, solution = _returns(plan, run, t0)
             if times is None:
@@ -48,19 +49,19 @@ def solve_point(
         return run(times[-1], dense_output=dense), Window(times, True)
     times = begin + period * np.arange(plan.setting.periods + 1)
     times[-1] = end
-    return run(end, dense_output=dense), Window(times, plan.period is not None)
+    return run(end, dense_output=dense), Window(times, plan.seen is not None)
 
 
 def _returns(plan: Plan, run: Any, t0: float) -> tuple[Any, Any]:
     """Times of the window's returns, None where they are too few; and the last run that was looked at."""
-    assert plan.longest_return is not None
-    wanted, span = plan.transient + plan.setting.periods + 1, plan.longest_return / 1024
+    wanted, longest = plan.transient + plan.setting.periods + 1, plan.seen.longest
+    span = longest / 1024
     while True:
         solution = run(t0 + span)
         times = solution.event_times(switch=RETURN)[:wanted]
         enough = len(times) == wanted
         waits = np.diff(np.concatenate([[t0], times, [] if enough else [solution.t[-1]]]))
-        if waits.max() >= plan.longest_return or not (enough or solution.outcome is Outcome.FINISHED):
+        if waits.max() >= longest or not (enough or solution.outcome is Outcome.FINISHED):
             return None, solution
         if enough:
             return times[plan.transient :], solution

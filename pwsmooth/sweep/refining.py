@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..analysis.maps.sections import LONGEST
+from ..analysis.maps.seen import Return, Strobe
 from ..door import calls, checks
 from ..paths.budget import Stop
 from ..paths.interrupts import noted, result
@@ -119,10 +119,7 @@ def make_plan(
     points: Mapping[Any, Sequence[float]] | None = None,
     start: Mapping[Any, float] | Sequence[float] | None = None,
     measures: Any = ("sticks", "itinerary", "period"),
-    period: Any = None,
-    section: Any = None,
-    direction: int = 1,
-    longest_return: float = LONGEST,
+    seen: Strobe | Return | None = None,
     transient: int = 100,
     periods: int = 20,
     t_span: Sequence[float] | None = None,
@@ -143,10 +140,6 @@ def make_plan(
         A list of points, in the units of the model.
     measures : sequence of Measure, str or callable
         What is kept of each orbit.
-    period : float or Expr, in the unit of the model's time
-        Of the drive.
-    section : Expr
-        Instead of it, a surface that an autonomous system crosses.
     units : mapping of name to str
         Of parameters, states, outputs and time.
     noise : Kicks or Diffusion, optional
@@ -170,8 +163,7 @@ def make_plan(
     3
     """
     plan, where = read_plan(
-        system, axes, points, start, measures, t_span, measure_from, period, transient, periods, units, noise, options,
-        section, direction, longest_return,
+        system, axes, points, start, measures, t_span, measure_from, seen, transient, periods, units, noise, options,
     )  # fmt: skip
     _ = plan.variables  # two measures of one name are refused before anything runs
     return SweepPlan(plan, where)
@@ -241,7 +233,7 @@ def refine(
     >>> x, t, c = sp.symbols("x t c", real=True)
     >>> clock = Event(sp.sin(2 * sp.pi * t - 1), direction=1, update={x: c * x * (1 - x)})
     >>> logistic = System({x: 0*x}, time=t, parameters={c: 3}, events=[clock])
-    >>> plan = make_plan(logistic, {c: np.linspace(2.5, 3.4, 400)}, start={x: 0.3}, period=1, periods=8,
+    >>> plan = make_plan(logistic, {c: np.linspace(2.5, 3.4, 400)}, start={x: 0.3}, seen=Strobe(1), periods=8,
     ...                  measures=[Points(last=2)])
     >>> for indices, found in refine(plan):
     ...     doubled = np.ptp(found["x_points"], axis=1) > 0.1
@@ -331,7 +323,11 @@ def _shortened(plan: Plan) -> Plan | None:
     longest = plan.setting.period_detector.longest
     periods = _REPEATS - 1 + longest
     whole = max(_SETTLED, periods)
-    if plan.period is None or not goes_as_ensemble(plan) or plan.transient + plan.periods <= whole:
+    if (
+        not isinstance(plan.seen, Strobe)
+        or not goes_as_ensemble(plan)
+        or plan.transient + plan.periods <= whole
+    ):
         return None
     if not all(isinstance(measure, (Points, Period)) for measure in plan.measures):
         return None

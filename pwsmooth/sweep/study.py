@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
-from ..analysis.maps.sections import LONGEST
+from ..analysis.maps.seen import LONGEST, Return, Strobe
 from ..door import calls, checks
 from ..laws.catalogue import known_laws
 
@@ -79,6 +79,41 @@ class SystemTable(Table):
         return self
 
 
+class SeenTable(Table):
+    """How motions are seen: keys of Strobe (period, phase, symmetry) or of Return (section, direction, longest)."""
+
+    period: float | str | None = None
+    phase: float = 0.0
+    symmetry: dict[str, str] | None = None
+    section: str | None = None
+    direction: Literal[1, -1] = 1
+    longest: float = LONGEST
+
+    @model_validator(mode="after")
+    def _is_one(self) -> SeenTable:
+        if (self.period is None) == (self.section is None):
+            raise ValueError("give `period` of a driven system or `section` of an autonomous one, one of them")
+        other, kind = ({"section", "direction", "longest"}, "period") if self.section is None else (
+            {"period", "phase", "symmetry"}, "section"
+        )  # fmt: skip
+        if idle := sorted(other & self.model_fields_set):
+            raise ValueError(f"`{idle[0]}` does not belong to `{kind}`; leave it out")
+        return self
+
+    def value(self) -> Strobe | Return:
+        if self.section is None:
+            return Strobe(self.period, self.phase, self.symmetry)
+        return Return(self.section, self.direction, self.longest)
+
+
+def seen_of(table: SeenTable | None) -> Strobe | Return | None:
+    """What the table says; StudyError for what the value refuses."""
+    try:
+        return None if table is None else table.value()
+    except (TypeError, ValueError) as error:
+        raise StudyError(f"seen: {error}") from None
+
+
 class Study(Table):
     """The whole file."""
 
@@ -88,10 +123,7 @@ class Study(Table):
     points: dict[str, Values] = {}
     start: dict[str, float] = {}
     measures: list[str] = ["sticks", "itinerary", "period"]
-    period: float | str | None = None
-    section: str | None = None
-    direction: Literal[1, -1] = 1
-    longest_return: float = LONGEST
+    seen: SeenTable | None = None
     transient: int = 100
     periods: int = 20
     t_span: Annotated[tuple[float, float], Field(strict=False)] | None = None  # TOML has lists
@@ -130,7 +162,8 @@ def read_study(path: Any, kind: Any = Study) -> Any:
             keys = [str(k) for k in item["loc"] if k not in ("<spaced>", "<list>", "float", "str")]
             known = ""
             if item["type"] == "extra_forbidden":
-                table = SystemTable if keys[0] == "system" else Spaced if len(keys) > 1 else kind
+                tables = {"system": SystemTable, "seen": SeenTable}
+                table = tables.get(keys[0], Spaced) if len(keys) > 1 else kind
                 fields = [f.alias or n for n, f in table.model_fields.items()]
                 near = calls.closest(keys[-1], fields)
                 known = f"; did you mean {near}?" if near else f"; keys there are {', '.join(fields)}"
@@ -209,9 +242,9 @@ def arguments_of(study: Study, names: Names | None = None) -> tuple[Any, dict[st
     arguments: dict[str, Any] = dict(
         axes={name: values_of(v) for name, v in study.axes.items()},
         points={name: values_of(v) for name, v in study.points.items()},
-        start=study.start, measures=measures, period=study.period, transient=study.transient, periods=study.periods,
-        t_span=study.t_span, measure_from=study.measure_from, units=study.units, section=study.section,
-        direction=study.direction, longest_return=study.longest_return,
+        start=study.start, measures=measures, seen=seen_of(study.seen), transient=study.transient,
+        periods=study.periods,
+        t_span=study.t_span, measure_from=study.measure_from, units=study.units,
     )  # fmt: skip
     options = {name: getattr(study, name) for name in ("rtol", "atol", "method", "max_steps")}
     arguments |= {name: value for name, value in options.items() if value is not None}

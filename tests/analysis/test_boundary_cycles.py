@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import System, equilibria, find_orbit, follow
+from pwsmooth import Return, System, equilibria, find_orbit, follow
 
 x, y, a, g = sp.symbols("x y a g", real=True)
 
@@ -57,7 +57,7 @@ def test_the_cycle_that_is_told_of_is_there_and_shrinks_in_proportion():
     sizes = []
     for value in (0.4, 0.1):
         cycle = find_orbit(
-            system.with_parameters({a: value}), {x: 0, y: 2 * value}, section=y - value, direction=-1, transient=20
+            system.with_parameters({a: value}), {x: 0, y: 2 * value}, seen=Return(y - value, direction=-1), transient=20
         )  # fmt: skip
         assert cycle.success and cycle.stable and any(kind == "stick" for _, kind, _ in cycle.word)
         sizes.append(np.abs(cycle.x[0]) / value)

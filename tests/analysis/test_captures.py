@@ -6,7 +6,7 @@ import sympy as sp
 from friction_oscillator import coulomb, hidden, omega, sigma, v, y, z
 from scipy.optimize import brentq
 
-from pwsmooth import Event, Switch, System, find_orbit, follow, follow_curve, solve
+from pwsmooth import Event, Strobe, Switch, System, find_orbit, follow, follow_curve, solve
 from pwsmooth.analysis.continuation.conditions.captures import clearances
 from pwsmooth.analysis.maps.holding import strength_of
 from pwsmooth.analysis.sticking.capture import capture_threshold, critical_ratio
@@ -19,7 +19,7 @@ RATIO = 0.3
 def symmetric(ratio, start, **values):
     """The orbit through a start, of the friction oscillator at rho = 3 and a ratio r = eps/beta."""
     layered = hidden().layered({z: ratio}).with_parameters(values)
-    return find_orbit(layered, start, period=2 * sp.pi, symmetry={y: -y, v: -v}, transient=50)
+    return find_orbit(layered, start, seen=Strobe(2 * sp.pi, symmetry={y: -y, v: -v}), transient=50)
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +72,9 @@ def test_both_curves_end_where_the_ratio_lets_the_fold_capture(thresholds):
     assert ends[0]["sigma"] == pytest.approx(ends[1]["sigma"], abs=1e-7)
     # There is the crossing-sliding of the slaved view, which captures up to the fold.
     slaved = hidden().layered({z: sp.oo}).with_parameters({"sigma": 3.5})
-    orbit = find_orbit(slaved, {y: 0.78, v: -1.03}, period=2 * sp.pi, symmetry={y: -y, v: -v}, transient=50)
+    orbit = find_orbit(
+        slaved, {y: 0.78, v: -1.03}, seen=Strobe(2 * sp.pi, symmetry={y: -y, v: -v}), transient=50
+    )
     (crossing,) = follow(orbit, sigma, to=4.2).of_kind("crossing-sliding")
     assert ends[0]["sigma"] == pytest.approx(crossing.parameter, abs=1e-7)
 
@@ -111,7 +113,9 @@ def test_broken_symmetry_ends_where_its_contact_is_not_captured_any_more():
 
 
 def test_without_a_hidden_term_there_is_no_threshold():
-    orbit = find_orbit(coulomb(), {y: 0.78, v: -1.03}, period=2 * sp.pi, symmetry={y: -y, v: -v}, transient=50)
+    orbit = find_orbit(
+        coulomb(), {y: 0.78, v: -1.03}, seen=Strobe(2 * sp.pi, symmetry={y: -y, v: -v}), transient=50
+    )
     with pytest.raises(ValueError, match="at no capture threshold"):
         follow_curve(orbit, {"k": (2, 4), "sigma": (1, 6)}, kind="capture")
 
@@ -129,7 +133,7 @@ def test_a_contact_is_captured_where_the_fold_of_its_layer_holds_it(first, to):
         {x: -a * (2 + sp.cos(t - 0.2)) / 3 - lam * (1 + rho * (1 - lam**2))}, time=t, parameters={a: first, rho: 3},
         events=[Event(every=2 * sp.pi, update={x: 1})],
     )  # fmt: skip
-    branch = follow(find_orbit(falling, {x: 1}, period=2 * sp.pi, phase=0.05), a, to=to)
+    branch = follow(find_orbit(falling, {x: 1}, seen=Strobe(2 * sp.pi, phase=0.05)), a, to=to)
 
     def exact(strength):
         fold = np.sqrt((1 + strength) / (3 * strength))
@@ -155,7 +159,7 @@ def test_a_contact_is_captured_where_the_fold_of_its_layer_holds_it(first, to):
 def test_captures_end_where_what_is_held_is_let_go_at_once():
     # There the curve of crossing-sliding of the other contact meets them, and both orbits are the same.
     layered = hidden(omega=0.9051721488540027, sigma=4.3650245184496095).layered({z: sp.oo})
-    orbit = find_orbit(layered, {y: 0.5, v: 0.3}, period=2 * sp.pi / omega, transient=100)
+    orbit = find_orbit(layered, {y: 0.5, v: 0.3}, seen=Strobe(2 * sp.pi / omega), transient=100)
     capture = follow(orbit, "omega", to=0.4).bifurcations[-1]
     curve = follow_curve(capture, {"omega": (0.4, 3), "sigma": (0.5, 5)})
     (end,) = curve.of_kind("capture + crossing-sliding")

@@ -13,7 +13,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 from test_continuation import a, b, t, u, x
 
-from pwsmooth import Event, System, Unilateral, find_orbit, follow, follow_curve, solve
+from pwsmooth import Event, Return, Strobe, System, Unilateral, find_orbit, follow, follow_curve, solve
 from pwsmooth.analysis.continuation.curves import ways as curve_ways
 from pwsmooth.analysis.orbits.finding import refine
 
@@ -27,7 +27,7 @@ def map_in_two(update, start, values):
         {s: 0 * s for s in update}, time=t, parameters=dict(zip((a, b), values)),
         events=[Event(every=1, update=update)],
     )  # fmt: skip
-    return find_orbit(system, start, period=1, phase=0.5)
+    return find_orbit(system, start, seen=Strobe(1, phase=0.5))
 
 
 def only(branch, kind):
@@ -124,7 +124,9 @@ def test_the_symmetry_breaks_along_a_curve_that_branches_agree_with():
     from friction_oscillator import hidden, rho, sigma, v, y, z
 
     slaved = hidden().layered({z: sp.oo})
-    orbit = find_orbit(slaved, {y: 0.78, v: -1.03}, period=2 * sp.pi, symmetry={y: -y, v: -v}, transient=50)
+    orbit = find_orbit(
+        slaved, {y: 0.78, v: -1.03}, seen=Strobe(2 * sp.pi, symmetry={y: -y, v: -v}), transient=50
+    )
     broken = only(follow(orbit, sigma, to=3.4), "symmetry breaking")
     curve = follow_curve(broken, {rho: (1, 5), sigma: (1, 6)})
     assert len(curve.orbits) > 10
@@ -132,8 +134,8 @@ def test_the_symmetry_breaks_along_a_curve_that_branches_agree_with():
         there = curve.orbits[k]
         at = curve.values[1, k]
         first = find_orbit(
-            there.system.with_parameters({sigma: at - 0.01}), there.x, period=2 * sp.pi, phase=there.map.phase,
-            symmetry={y: -y, v: -v},
+            there.system.with_parameters({sigma: at - 0.01}), there.x,
+            seen=Strobe(2 * sp.pi, phase=there.map.phase, symmetry={y: -y, v: -v}),
         )  # fmt: skip
         (again,) = follow(first, sigma, to=at + 0.01).of_kind("symmetry breaking")
         assert again.parameter == pytest.approx(at, abs=ON_CURVE)
@@ -182,12 +184,12 @@ def impacting(frequency, speed):
     T = 2 * math.pi / frequency
     system = hammer.with_parameters({A: amplitude, w: frequency})
     after = solve(system, (at, at + 0.31 * T), {x: 1 - 1e-15, u: -0.8 * speed}, rtol=1e-12).x[:, -1]
-    return find_orbit(system, list(after), period=2 * sp.pi / w, phase=at / T + 0.31)
+    return find_orbit(system, list(after), seen=Strobe(2 * sp.pi / w, phase=at / T + 0.31))
 
 
 def test_an_orbit_grazes_a_stop_along_the_exact_curve():
     quiet = hammer.with_parameters({A: 0.8 * grazing_amplitude(1.4)})
-    orbit = find_orbit(quiet, {x: -0.5, u: 0}, period=2 * sp.pi / w)
+    orbit = find_orbit(quiet, {x: -0.5, u: 0}, seen=Strobe(2 * sp.pi / w))
     curve = follow_curve(orbit, {w: (0.55, 3), A: (0, 10)}, kind="grazing impact")
     frequency, amplitude = curve.values
     assert curve.ends == ("reached w = 0.55.", "reached w = 3.")
@@ -205,7 +207,7 @@ def test_a_surface_that_moves_with_a_parameter_is_grazed_in_proportion():
         time=t,
         parameters={A: 0.8, d: 1},
     )
-    orbit = find_orbit(system, {x: -0.5, u: 0}, period=10 * sp.pi / 7)
+    orbit = find_orbit(system, {x: -0.5, u: 0}, seen=Strobe(10 * sp.pi / 7))
     curve = follow_curve(orbit, {d: (0.5, 2), A: (0, 3)}, kind="grazing impact")
     assert len(curve.orbits) > 10 and max(point.steps for point in curve.orbits) <= 4
     assert np.abs(curve.values[1] - curve.values[0] * grazing_amplitude(1.4)).max() < 1e-10
@@ -218,7 +220,7 @@ def test_a_grazing_curve_ends_where_the_orbit_touches_twice(virtual):
         {x: u, u: b * sp.cos(t) + A * sp.cos(2 * t) - x - u / 10 - stop.reaction}, time=t,
         parameters={b: 0.02, A: 2.2},
     )  # fmt: skip
-    orbit = find_orbit(system, {x: 0, u: 0}, period=2 * sp.pi)
+    orbit = find_orbit(system, {x: 0, u: 0}, seen=Strobe(2 * sp.pi))
     curve = follow_curve(orbit, {b: (-0.08, 0.08), A: (0, 5)}, kind="grazing impact", virtual=virtual)
     (twice,) = curve.points
     assert twice.name == "grazing impact + grazing impact"
@@ -302,7 +304,7 @@ def test_a_surface_is_grazed_where_the_forced_motion_reaches_it(kind):
     if kind == "grazing of an event":
         rates, events = {x: u, u: forced}, [Event(x - 1, direction=1, update={u: u / 2}, name="hit")]
     system = System(rates, time=t, parameters={A: 0.8 * grazing_amplitude(1.4), w: 1.4}, events=events)
-    orbit = find_orbit(system, {x: -0.5, u: 0}, period=2 * sp.pi / w, phase=0.05)
+    orbit = find_orbit(system, {x: -0.5, u: 0}, seen=Strobe(2 * sp.pi / w, phase=0.05))
     curve = follow_curve(orbit, {w: (1.05, 3), A: (0, 10)}, kind=kind)
     frequency, amplitude = curve.values
     assert len(frequency) > 20 and np.abs(amplitude - grazing_amplitude(frequency)).max() < 1e-10
@@ -317,7 +319,7 @@ def test_an_autonomous_cycle_grazes_where_its_branch_ends():
         {y1: y2, y2: -k * y2 - (y1 + 10) + y3 + seat.reaction, y3: 20 * (q - y1 * sp.sqrt(y3))},
         parameters={q: 8.3, k: 1.25},
     )
-    cycle = find_orbit(valve, {y1: 2.6, y2: 0, y3: 12.5}, section=y2, direction=-1, transient=300)
+    cycle = find_orbit(valve, {y1: 2.6, y2: 0, y3: 12.5}, seen=Return(y2, direction=-1), transient=300)
     branch = follow(cycle, q, to=6)
     touch = branch.bifurcations[-1]
     assert touch.kind == "grazing impact" and "grazing impact at q" in branch.end
@@ -341,7 +343,7 @@ def held_from_below(force, parameters):
     ],
 )
 def test_sticks_are_born_and_parted_along_the_exact_lines(kind, force, to, exact):
-    orbit = find_orbit(held_from_below(force, {a: 0.8, b: 1}), {x: 0.5}, period=2 * sp.pi)
+    orbit = find_orbit(held_from_below(force, {a: 0.8, b: 1}), {x: 0.5}, seen=Strobe(2 * sp.pi))
     curve = follow_curve(only(follow(orbit, a, to=to), kind), {a: (0.2, 5), b: (0.5, 2)})
     p, q = curve.values
     assert len(p) > 20 and np.ptp(q) == 1.5
@@ -354,7 +356,7 @@ def test_switching_sliding_lies_where_the_field_below_turns():
         {x: sp.Piecewise((-b, x > 0), (sp.sin(t - a), True))}, time=t, parameters={a: 0.7, b: 1},
         events=[Event(every=2 * sp.pi, update={x: 1})],
     )  # fmt: skip
-    orbit = find_orbit(system, {x: 0.6}, period=2 * sp.pi, phase=0.5 / 2 / math.pi)
+    orbit = find_orbit(system, {x: 0.6}, seen=Strobe(2 * sp.pi, phase=0.5 / 2 / math.pi))
     curve = follow_curve(only(follow(orbit, a, to=1.3), "switching-sliding"), {a: (0.2, 3), b: (0.5, 2)})
     p, q = curve.values
     assert len(p) > 20 and np.abs(p - 1 / q).max() < ON_CURVE
@@ -369,7 +371,7 @@ def test_den_hartogs_line_is_followed_over_the_frequency():
     system = System(
         {x: u, u: sp.sin(w * t) - x - F * sp.sign(u)}, time=t, parameters={w: 0.7, F: 0.8 * limit(0.7)}
     )
-    orbit = find_orbit(system, {x: 1, u: 0.5}, period=2 * sp.pi / w, symmetry={x: -x, u: -u})
+    orbit = find_orbit(system, {x: 1, u: 0.5}, seen=Strobe(2 * sp.pi / w, symmetry={x: -x, u: -u}))
     begins = only(follow(orbit, F, to=1.1 * limit(0.7)), "crossing-sliding")
     curve = follow_curve(begins, {w: (0.52, 0.98), F: (0.01, 2)})
     frequency, force = curve.values
@@ -387,7 +389,7 @@ def symmetric(system, **values):
     from friction_oscillator import v, y
 
     return find_orbit(
-        system.with_parameters(values), {y: 0.78, v: -1.03}, period=2 * sp.pi, symmetry={y: -y, v: -v},
+        system.with_parameters(values), {y: 0.78, v: -1.03}, seen=Strobe(2 * sp.pi, symmetry={y: -y, v: -v}),
         transient=50,
     )  # fmt: skip
 
@@ -407,8 +409,7 @@ def test_a_stick_of_static_friction_is_parted_where_the_drive_comes_to_its_large
     rest = find_orbit(
         slaved.with_parameters({"rho": 3, "sigma": 1.7}),
         {y: 0, v: 0},
-        period=2 * sp.pi,
-        symmetry={y: -y, v: -v},
+        seen=Strobe(2 * sp.pi, symmetry={y: -y, v: -v}),
     )
     curve = follow_curve(rest, {"rho": (0, 5), "sigma": (0.5, 5)}, kind="adding-sliding")
     rho, sigma = curve.values
@@ -451,7 +452,7 @@ def test_static_friction_that_just_catches_ends_a_branch_and_is_followed(slaved)
     from friction_oscillator import omega, v, y
 
     at = slaved.with_parameters({"omega": 0.4, "sigma": 4.6})
-    orbit = find_orbit(at, {y: 0.5, v: 0.3}, period=2 * sp.pi / omega, transient=300)
+    orbit = find_orbit(at, {y: 0.5, v: 0.3}, seen=Strobe(2 * sp.pi / omega), transient=300)
     branch = follow(orbit, "omega", to=0.6, longest_step=0.1)
     assert branch.end.startswith("grazing-sliding") and len(orbit.word) == 6
     curve = follow_curve(branch.bifurcations[-1], {"omega": (0.4, 3), "sigma": (0.5, 5)})
@@ -470,8 +471,8 @@ def test_folds_of_rest_and_of_two_sticks_are_followed_through_canards():
     from tests.reference.rest import rest_limit
 
     orbit = find_orbit(
-        hidden(rho=3, beta=0.1, omega=0.5, sigma=3), {y: 0.5, v: 0.3, z: 0}, period=2 * sp.pi / omega,
-        symmetry={y: -y, v: -v}, transient=100,
+        hidden(rho=3, beta=0.1, omega=0.5, sigma=3), {y: 0.5, v: 0.3, z: 0},
+        seen=Strobe(2 * sp.pi / omega, symmetry={y: -y, v: -v}), transient=100,
     )  # fmt: skip
     for fold, most in zip(follow(orbit, sigma, to=0.5, longest_step=0.1).of_kind("fold"), (200, 60)):
         curve = follow_curve(fold, {omega: (0.4, 3), sigma: (0.5, 5)})
@@ -521,7 +522,7 @@ def slidecont():
     s = 1 - u
     force = sp.Rational(3, 2) * (sp.sign(s) - s) + sp.Rational(9, 20) * s**3 + A * sp.cos(w * t)
     system = System({x: u, u: force - x}, time=t, parameters={A: 1.08, w: 2.4593})
-    orbit = find_orbit(system, {x: 1.13, u: 0.036}, period=2 * sp.pi / w, count=2, phase=0.1)
+    orbit = find_orbit(system, {x: 1.13, u: 0.036}, seen=Strobe(2 * sp.pi / w, phase=0.1), count=2)
     assert orbit.success and orbit.map.count == 2 and not orbit.word
     return orbit, {A: (1, 2), w: (2.3, 2.9)}
 
@@ -563,7 +564,7 @@ def test_published_flips_beyond_it_are_virtual(virtual_flips, amplitude, fastest
         parameters={A: amplitude, w: curve.values[1, k]},
     )  # fmt: skip
     start = curve.orbits[k]
-    orbit = find_orbit(smooth, list(start.x), period=2 * sp.pi / w, count=2, phase=start.map.phase)
+    orbit = find_orbit(smooth, list(start.x), seen=Strobe(2 * sp.pi / w, phase=start.map.phase), count=2)
     assert orbit.multipliers[0].real == pytest.approx(-1, abs=1e-8)
     highest = orbit.solution().dense(np.linspace(*orbit.solution().t[[0, -1]], 20001))[0][1].max()
     assert highest == pytest.approx(fastest, abs=1e-3)

@@ -22,7 +22,7 @@ from test_curves import (
     w,
 )
 
-from pwsmooth import find_orbit, follow, follow_curve
+from pwsmooth import Strobe, find_orbit, follow, follow_curve
 
 
 def test_a_fold_of_the_doubled_orbit_begins_at_the_degenerate_flip():
@@ -97,7 +97,7 @@ def test_a_flip_passes_where_a_fold_meets_it():
 def test_folds_of_impacting_orbits_begin_at_degenerate_grazing_and_lead_back():
     ranges = {w: (0.55, 3), A: (0, 10)}
     quiet = hammer.with_parameters({A: 0.8 * grazing_amplitude(1.4)})
-    orbit = find_orbit(quiet, {x: -0.5, u: 0}, period=2 * sp.pi / w)
+    orbit = find_orbit(quiet, {x: -0.5, u: 0}, seen=Strobe(2 * sp.pi / w))
     grazing = follow_curve(orbit, ranges, kind="grazing impact")
     third, second, first = grazing.of_kind("degenerate grazing")
     assert all(point.begins == ("fold",) for point in grazing.points)
@@ -118,7 +118,7 @@ def test_folds_of_impacting_orbits_begin_at_degenerate_grazing_and_lead_back():
 @pytest.fixture(scope="module")
 def grazing():
     quiet = hammer.with_parameters({A: 0.8 * grazing_amplitude(1.4)})
-    orbit = find_orbit(quiet, {x: -0.5, u: 0}, period=2 * sp.pi / w)
+    orbit = find_orbit(quiet, {x: -0.5, u: 0}, seen=Strobe(2 * sp.pi / w))
     return follow_curve(orbit, {w: (0.55, 3), A: (0, 10)}, kind="grazing impact")
 
 

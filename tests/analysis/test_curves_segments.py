@@ -11,7 +11,7 @@ import pytest
 import sympy as sp
 from test_continuation import a, b, t, u, x
 
-from pwsmooth import Event, System, Unilateral, find_orbit, follow, follow_curve
+from pwsmooth import Event, Strobe, System, Unilateral, find_orbit, follow, follow_curve
 
 K = 25  # exp(25) = 7.2e10 over a period of 1
 ON_CURVE = 1e-9  # as in test_curves.py
@@ -25,7 +25,7 @@ def mapped(update, start, values):
         {**{s: 0 * s for s in update}, y: K * (y - x)}, time=t, parameters=dict(zip((a, b), values)),
         events=[Event(every=1, update=update)],
     )  # fmt: skip
-    return find_orbit(system, {**start, y: start[x]}, period=1, phase=0.5)
+    return find_orbit(system, {**start, y: start[x]}, seen=Strobe(1, phase=0.5))
 
 
 def grown(curve, rate):
@@ -68,7 +68,7 @@ def test_a_stop_is_grazed_by_an_orbit_with_multipliers_up_to_1e19():
         {x: u, u: A * sp.cos(w * t) - u / 10 - x - stop.reaction, y: 4 * (y - x)}, time=t,
         parameters={A: 0.7, w: 1.4},
     )  # fmt: skip
-    orbit = find_orbit(system, {x: -0.5, u: 0, y: -0.5}, period=2 * sp.pi / w)
+    orbit = find_orbit(system, {x: -0.5, u: 0, y: -0.5}, seen=Strobe(2 * sp.pi / w))
     curve = follow_curve(orbit, {w: (0.55, 3), A: (0, 10)}, kind="grazing impact")
     frequency, amplitude = curve.values
     assert curve.ends == ("reached w = 0.55.", "reached w = 3.")
@@ -86,7 +86,7 @@ def test_den_hartogs_line_is_followed_beside_multipliers_of_1e11_and_more():
         parameters={w: 0.7, F: 0.8 * limit(0.7)},
     )  # fmt: skip
     orbit = find_orbit(
-        system, {x: 1, u: 0.5, y: 1}, period=2 * sp.pi / w, symmetry={x: -x, u: -u, y: -y}
+        system, {x: 1, u: 0.5, y: 1}, seen=Strobe(2 * sp.pi / w, symmetry={x: -x, u: -u, y: -y})
     )  # fmt: skip
     begins = follow(orbit, F, to=1.1 * limit(0.7)).of_kind("crossing-sliding")[0]
     curve = follow_curve(begins, {w: (0.52, 0.98), F: (0.01, 2)})
@@ -109,7 +109,7 @@ def test_sticks_are_born_and_parted_along_the_exact_lines_beside_a_multiplier_of
     system = System(
         {x: sp.Piecewise((force - x, x > 0), (5, True)), y: 4 * (y - x)}, time=t, parameters={a: 0.8, b: 1}
     )
-    orbit = find_orbit(system, {x: 0.5, y: 0.5}, period=2 * sp.pi)
+    orbit = find_orbit(system, {x: 0.5, y: 0.5}, seen=Strobe(2 * sp.pi))
     curve = follow_curve(follow(orbit, a, to=to).of_kind(kind)[0], {a: (0.2, 5), b: (0.5, 2)})
     p, q = curve.values
     assert len(p) > 20 and np.ptp(q) == 1.5
@@ -133,7 +133,9 @@ def test_folds_from_impact_to_impact_go_over_to_segments_where_deviations_grow()
     )  # fmt: skip
     # Just behind the impact, where the motion is that of a speed of 0.8 times the incoming one.
     phase = at * 1.4 / 2 / math.pi
-    orbit = find_orbit(system, {x: 1 - 1e-12, u: -0.8 * speed, y: 0}, period=2 * sp.pi / w, phase=phase + 1e-9)
+    orbit = find_orbit(
+        system, {x: 1 - 1e-12, u: -0.8 * speed, y: 0}, seen=Strobe(2 * sp.pi / w, phase=phase + 1e-9)
+    )
     fold = follow(orbit, A, to=0.2).of_kind("fold")[0]
     curve = follow_curve(fold, {w: (1.3, 1.45), A: (0, 10)})
     cut = [one.segments is not None for one in curve.orbits]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Disc, Event, Switch, System, find_orbit, follow, lyapunov_exponents, solve
+from pwsmooth import Disc, Event, Strobe, Switch, System, find_orbit, follow, lyapunov_exponents, solve
 from pwsmooth.costs import at, event_time, final, value_and_gradient
 
 t, x, y, u, v, w, z = sp.symbols("t x y u v w z", real=True)
@@ -145,7 +145,7 @@ def test_a_pass_through_rest_has_no_derivative():
 @pytest.mark.thorough
 def test_the_planar_oscillator_has_its_orbit_and_sticks_are_born_on_its_branch():
     system, start, _ = _oscillator()
-    orbit = find_orbit(system, start, period=8 * sp.pi, transient=20)
+    orbit = find_orbit(system, start, seen=Strobe(8 * sp.pi), transient=20)
     assert orbit.stable and not len(orbit.solution().event_times("stick"))
     branch = follow(orbit, mu, to=1.2)
     born = branch.of_kind("grazing-sliding")
@@ -157,6 +157,6 @@ def test_the_planar_oscillator_has_its_orbit_and_sticks_are_born_on_its_branch()
 def test_lyapunov_exponents_of_a_block_that_sticks_again_and_again():
     system, start, _ = _oscillator()
     found = lyapunov_exponents(system, start, 400)
-    orbit = find_orbit(system, start, period=8 * sp.pi, transient=20)
+    orbit = find_orbit(system, start, seen=Strobe(8 * sp.pi), transient=20)
     largest = np.log(np.abs(orbit.multipliers).max()) / (8 * math.pi)
     assert found.exponents[0] == pytest.approx(largest, abs=3 * found.errors[0] + 1e-3)

@@ -16,6 +16,7 @@ from pwsmooth import (
     Event,
     Family,
     Memory,
+    Strobe,
     Switch,
     System,
     Unilateral,
@@ -364,7 +365,7 @@ def test_what_depends_on_time_is_refused_by_name_with_the_remedy(system, named):
         with pytest.raises(ValueError, match=f"`system` depends on time .*{named}.*find_orbit"):
             call()
     if named != "a surface":
-        assert find_orbit(system, {x: 0}, period=2 * sp.pi if "rate" in named else 1, phase=0.5).success
+        assert find_orbit(system, {x: 0}, seen=Strobe(2 * sp.pi if "rate" in named else 1, phase=0.5)).success
 
 
 @pytest.mark.parametrize(

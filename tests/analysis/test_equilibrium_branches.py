@@ -11,7 +11,18 @@ import sympy as sp
 from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
-from pwsmooth import Event, Switch, System, Unilateral, equilibria, find_equilibrium, find_orbit, follow
+from pwsmooth import (
+    Event,
+    Return,
+    Strobe,
+    Switch,
+    System,
+    Unilateral,
+    equilibria,
+    find_equilibrium,
+    find_orbit,
+    follow,
+)
 from pwsmooth.analysis.continuation.equilibria.hopf import cycle_from
 
 x, y, v, z = sp.symbols("x y v z", real=True)
@@ -346,7 +357,7 @@ def test_a_cycle_from_a_hopf_point_is_that_of_the_normal_form_and_goes_on(amplit
     assert np.linalg.norm(cycle.x) == pytest.approx(math.sqrt(value), abs=1e-7)
     assert cycle.period == pytest.approx(math.pi, abs=1e-9)
     assert cycle.multipliers[0].real == pytest.approx(math.exp(-2 * value * math.pi), abs=1e-7)
-    again = find_orbit(cycle.system, cycle.start, section=cycle.map.surface)
+    again = find_orbit(cycle.system, cycle.start, seen=Return(cycle.map.surface))
     assert again.success and again.x == pytest.approx(cycle.x, abs=1e-8)
     onward = follow(cycle, a, to=0.8)
     assert np.linalg.norm(onward.x[:, -1]) == pytest.approx(math.sqrt(0.8), abs=1e-9)
@@ -366,7 +377,12 @@ def test_a_branch_is_bounded_and_says_why_it_ends():
     assert "`most`" in follow(start, a, to=-1, most=3).end
     assert "`max_seconds` are used up" in follow(start, a, to=-1, max_seconds=1e-9).end
     with pytest.raises(ValueError, match="`virtual` is for equilibria"):
-        follow(find_orbit(System({x: sp.cos(z) - x}, time=z), {x: 0}, period=2 * sp.pi), a, to=1, virtual=True)
+        follow(
+            find_orbit(System({x: sp.cos(z) - x}, time=z), {x: 0}, seen=Strobe(2 * sp.pi)),
+            a,
+            to=1,
+            virtual=True,
+        )
     with pytest.raises(ValueError, match="`parameter` names 'nu'"):
         follow(start, "nu", to=1)
 

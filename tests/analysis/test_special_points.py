@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, Memory, System, find_equilibrium, find_orbit, follow
+from pwsmooth import Event, Memory, Return, Strobe, System, find_equilibrium, find_orbit, follow
 from pwsmooth.analysis.continuation import branch_off, cycle_from
 
 t, x, y, z, u, v = sp.symbols("t x y z u v", real=True)
@@ -23,7 +23,7 @@ LOCATED = 1e-10
 def test_a_peak_with_a_corner_that_comes_to_a_surface_is_a_corner_and_no_fold(step):
     # Where sin t changes its sign x has its peak tanh(pi/2) - 1/4; above it the multiplier is exp(-2 pi) for every a.
     system = System({x: -x + sp.sign(sp.sin(t)) + sp.sign(x - a) / 4}, time=t, parameters={a: 0.6})
-    orbit = find_orbit(system, {x: 0}, period=2 * sp.pi, phase=0.25, transient=20)
+    orbit = find_orbit(system, {x: 0}, seen=Strobe(2 * sp.pi, phase=0.25), transient=20)
     branch = follow(orbit, a, to=0.8, step=step, longest_step=5 * step)
     (corner,) = branch.bifurcations
     assert corner.kind == "corner" and corner.parameter == pytest.approx(
@@ -44,7 +44,7 @@ def test_multipliers_that_jump_at_a_border_are_no_flip(way):
         y: sp.Piecewise((-0.3 * x, side), (-0.4 * x, True)),
     })  # fmt: skip
     form = System({x: 0 * x, y: 0 * y}, time=t, parameters={mu: 0.3 * way}, events=[step])
-    branch = follow(find_orbit(form, {x: 0.1 * way, y: 0}, period=1, phase=0.5), mu, to=-0.3 * way)
+    branch = follow(find_orbit(form, {x: 0.1 * way, y: 0}, seen=Strobe(1, phase=0.5)), mu, to=-0.3 * way)
     (border,) = branch.bifurcations
     assert (
         border.kind == "border collision"
@@ -71,7 +71,7 @@ def test_a_branch_of_period_3_ends_where_its_map_jumps_and_does_not_shrink_onto_
         parameters={vc: 0.535},
         events=events,
     )
-    branch = follow(find_orbit(ice, {v: 0.5}, period=41, transient=50), vc, to=0.5)
+    branch = follow(find_orbit(ice, {v: 0.5}, seen=Strobe(41), transient=50), vc, to=0.5)
     up, down = 41 * math.asin(0.3) / (2 * math.pi), 41 * (math.pi + math.asin(0.2)) / (2 * math.pi)
 
     def grown(x, time):
@@ -97,7 +97,7 @@ def test_a_branch_is_left_at_a_flip_by_an_orbit_just_beyond_it():
     quadratic = System(
         {x: 0 * x}, time=t, parameters={a: 1.36}, events=[Event(every=1, update={x: 1 - a * x**2})]
     )
-    orbit = find_orbit(quadratic, {x: 0.6}, period=1, phase=0.5, transient=400)
+    orbit = find_orbit(quadratic, {x: 0.6}, seen=Strobe(1, phase=0.5), transient=400)
     for known in (1.3680989394, 1.3940461566, 1.3996312389):  # periods 4, 8, 16
         (flip,) = follow(orbit, a, to=1.42 if known > 1.399 else known + 1e-3).of_kind("flip")[:1]
         assert flip.parameter == pytest.approx(known, abs=LOCATED)
@@ -135,7 +135,7 @@ def test_a_section_may_move_with_the_parameter():
     vdp = System({x: v, v: (1 + p / 5) * (1 - x**2) * v - x}, parameters={p: 0.2})
     ends = []
     for section in (x - sp.Rational(1, 5), x - p):
-        branch = follow(find_orbit(vdp, {x: 0.2, v: 2}, section=section, transient=30), p, to=0.9)
+        branch = follow(find_orbit(vdp, {x: 0.2, v: 2}, seen=Return(section), transient=30), p, to=0.9)
         ends.append(branch.orbits[-1].period)
         assert branch.values[-1] == 0.9 and len(branch.orbits) < 30
     assert ends[0] == pytest.approx(ends[1], abs=1e-9)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, System, Unilateral, find_equilibrium, find_orbit, follow, follow_curve
+from pwsmooth import Event, Strobe, System, Unilateral, find_equilibrium, find_orbit, follow, follow_curve
 from pwsmooth.analysis.continuation import branch_off, cycle_from
 
 t, x, v, a, b = sp.symbols("t x v a b", real=True)
@@ -26,7 +26,7 @@ QUADRATIC = System(
 
 def at(unit, **start):
     system = QUADRATIC.with_parameters({U: unit, **{k: w for k, w in start.items() if k != "x"}})
-    return find_orbit(system, {x: start["x"] * unit}, period=1, phase=0.5, transient=200)
+    return find_orbit(system, {x: start["x"] * unit}, seen=Strobe(1, phase=0.5), transient=200)
 
 
 @UNITS
@@ -82,6 +82,6 @@ def test_the_fold_of_an_impact_oscillator(unit):
     hammer = System(
         {x: v, v: a * U * sp.cos(1.1 * t) - x - v / 10 - stop.reaction}, time=t, parameters={a: 0.13, U: unit}
     )
-    orbit = find_orbit(hammer, {x: 0, v: 1.5 * unit}, period=2 * sp.pi / 1.1, transient=100)
+    orbit = find_orbit(hammer, {x: 0, v: 1.5 * unit}, seen=Strobe(2 * sp.pi / 1.1), transient=100)
     (fold,) = follow(orbit, a, to=0.1).of_kind("fold")
     assert fold.parameter == pytest.approx(0.116443007, abs=1e-9)

@@ -4,7 +4,7 @@ import pytest
 import sympy as sp
 from typer.testing import CliRunner
 
-from pwsmooth import Event, System, diagram
+from pwsmooth import Event, Strobe, System, diagram
 from pwsmooth.cli import app
 from pwsmooth.diagrams import read_diagram, read_set
 from pwsmooth.diagrams.study import DiagramStudy, run_study
@@ -19,8 +19,7 @@ step = Event(every=1, update={x: a - x**2 + b * x})
 quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
 """
 STUDY = """
-period = 1
-phase = 0.5
+seen = { period = 1, phase = 0.5 }
 values = 5
 starts = [{ x = 0.1 }]
 
@@ -51,7 +50,7 @@ def test_one_parameter_makes_a_diagram_with_its_store_and_picture(study, tmp_pat
     t, x, a, b = sp.symbols("t x a b", real=True)
     step = Event(every=1, update={x: a - x**2 + b * x})
     system = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
-    found = diagram(system, a, (-0.5, 0.5), {x: 0.1}, 1, phase=0.5, values=5)
+    found = diagram(system, a, (-0.5, 0.5), {x: 0.1}, Strobe(1, phase=0.5), values=5)
     stored = read_diagram(tmp_path / "study.zarr")
     assert found.bifurcations
     assert [b.parameter for b in stored.bifurcations] == [b.parameter for b in found.bifurcations]
@@ -97,8 +96,11 @@ def test_a_key_that_would_be_passed_over_is_refused(study, tmp_path):
     {
         "dept = 3\n" + STUDY: r"line 1: dept: no such key; did you mean depth\?",
         STUDY + "b = [0, 1]\nc = [0, 1]\n": "names 3 parameters",
+        STUDY.replace("phase = 0.5", "direction = -1"): "line 2: seen: `direction` does not belong to `period`",
+        STUDY.replace("period = 1", "section = 'x', period = 1"): "line 2: seen: give `period` .* or `section`",
+        STUDY.replace("phase", "fase"): r"seen.fase: no such key; did you mean phase\?",
         STUDY + "[lines]\na = [0]\n": "`lines` belong to two parameters",
-        STUDY.replace("values = 5", "values = 'five'"): "line 4: values",
+        STUDY.replace("values = 5", "values = 'five'"): "line 3: values",
     }.items(),
 )
 def test_mistakes_are_told_with_key_and_line(study, more, words):

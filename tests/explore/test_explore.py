@@ -23,7 +23,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Diffusion, Kicks, System, basins, orbit_diagram, solve
+from pwsmooth import Diffusion, Kicks, Return, Strobe, System, basins, orbit_diagram, solve
 from pwsmooth.explore import (
     bundle,
     describe,
@@ -294,7 +294,9 @@ def test_the_script_of_a_system_runs_and_shows_its_plot(view, drawn, monkeypatch
     shown = []
     monkeypatch.setattr(matplotlib.pyplot, "show", lambda: shown.append(matplotlib.pyplot.get_fignums()))
     system = System({x: v, v: sp.cos(t) - k * x - sp.sign(v) / 4}, time=t, parameters={k: 2})
-    seen = presets.in_view(subject.subject_of(system, {x: 1, v: 0}, t_span=(0, 9), period=2 * sp.pi), view)
+    seen = presets.in_view(
+        subject.subject_of(system, {x: 1, v: 0}, t_span=(0, 9), seen=Strobe(2 * sp.pi)), view
+    )
     state = asked(seen, p={"k": 2.5}, switch="sgn(v)", cursor=3.0, parameter="k", range=[2.0, 2.1], columns=3,
                   axes=["x", "v"], ranges=[[0, 1], [0, 1]], cells=2)  # fmt: skip
     if view and drawn == "layer":
@@ -453,7 +455,7 @@ def test_a_finished_diagram_is_that_of_the_package(oscillator):
     assert last["finished"] and sorted(found) == list(range(9))
     values = np.linspace(0.5, 7.0, 9)
     known = orbit_diagram(
-        oscillator.system, "rho", values, oscillator.start, oscillator.period, transient=150, keep=50
+        oscillator.system, "rho", values, oscillator.start, Strobe(oscillator.period), transient=150, keep=50
     )
     for column, points in found.items():
         for point in points:
@@ -474,8 +476,10 @@ def test_columns_that_are_carried_on_are_those_of_the_package(oscillator):
     for header, arrays in maps.diagram(oscillator, state):  # noqa: B007
         found |= dict(zip(arrays["column"].tolist(), arrays["points"]))
     values = np.linspace(4.0, 7.0, 6)[::-1]
-    known = orbit_diagram(oscillator.system, "rho", values, oscillator.start, oscillator.period, carry=True, keep=4,
-                          transient=100)  # fmt: skip
+    seen = Strobe(oscillator.period)
+    known = orbit_diagram(
+        oscillator.system, "rho", values, oscillator.start, seen, carry=True, keep=4, transient=100
+    )
     assert header["finished"]
     np.testing.assert_allclose([found[k] for k in range(6)], known.points[::-1], atol=1e-6)
 
@@ -488,7 +492,7 @@ def test_finished_basins_are_those_of_the_package(oscillator):
         label[arrays["cell"]] = arrays["label"]
     assert header["finished"] and header["done"] == 9 * 9
     grid = np.linspace(-2, 2, 9)
-    known = basins(oscillator.system, {"y": grid, "v": grid}, oscillator.period, start={"z": 0.0})
+    known = basins(oscillator.system, {"y": grid, "v": grid}, Strobe(oscillator.period), start={"z": 0.0})
     starts = [orbit.x for orbit in known.attractors]
     for row in range(9):
         for column in range(9):
@@ -540,10 +544,10 @@ def test_an_autonomous_system_has_maps_by_a_section():
     for _, arrays in maps.diagram(scene, state):
         found |= dict(zip(arrays["column"].tolist(), arrays["points"]))
     known = orbit_diagram(
-        pol, k, [0.5, 1.25, 2.0], {x: 1, v: 0}, section=v, direction=-1, transient=100, keep=1
+        pol, k, [0.5, 1.25, 2.0], {x: 1, v: 0}, seen=Return(v, direction=-1), transient=100, keep=1
     )
     np.testing.assert_allclose([found[c][-1, 0] for c in range(3)], known["x"][:, 0], atol=1e-7)
-    assert "section='v', direction=-1" in script(scene, {**state, "for": "diagram"})
+    assert "Return('v', -1)" in script(scene, {**state, "for": "diagram"})
 
 
 def test_a_section_repeats_where_the_orbit_does(oscillator):
@@ -930,7 +934,7 @@ def test_bad_input_is_refused_at_the_door():
         ((system, {x: 1}), "v"),
         ((system, {x: 1, v: 0}, {"t_span": (1, 0)}), "t_span"),
         ((system, {x: 1, v: 0}, {"t_span": (0, 1), "ranges": {"q": (0, 1)}}), "q"),
-        ((system, {x: 1, v: 0}, {"t_span": (0, 1), "period": -1}), "period"),
+        ((system, {x: 1, v: 0}, {"t_span": (0, 1), "seen": -1}), "seen"),
         (("block",), "system"),
     ):
         *positional, more = (

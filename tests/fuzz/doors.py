@@ -162,10 +162,10 @@ def subjects():
     opening.serve = lambda explorer: None  # show=True is a value: no page is opened while doors are tried
     run = solve(system, (0, 3), start, dense_output=True)
     scene = scenes.friction_oscillator(friction.Coulomb(), t_span=(0, 1))
-    orbit = pwsmooth.find_orbit(system, start, period=drive, transient=20)
+    orbit = pwsmooth.find_orbit(system, start, seen=pwsmooth.Strobe(drive), transient=20)
     jump = Event(every=1, update={x: k * x * (1 - x) - z * x})
     logistic = pwsmooth.find_orbit(
-        System({x: 0 * x}, time=t, parameters={k: 2.9, z: 0}, events=[jump]), {x: 0.6}, period=1
+        System({x: 0 * x}, time=t, parameters={k: 2.9, z: 0}, events=[jump]), {x: 0.6}, seen=pwsmooth.Strobe(1)
     )
     (flip,) = pwsmooth.follow(logistic, k, 3.1).of_kind("flip")
     mapped = System({x: 0 * x}, time=t, parameters={k: 2.9, z: 0}, events=[jump])
@@ -181,7 +181,14 @@ def subjects():
     kicks = Kicks(0.01, every=0.5, on="v")
     white = Diffusion({v: 0.1}, step=1 / 16)
     times = np.linspace(0, 1, 21)
-    many = {"start": start, "period": drive, "transient": 1, "periods": 2, "measures": ["period"], **short}
+    many = {
+        "start": start,
+        "seen": pwsmooth.Strobe(drive),
+        "transient": 1,
+        "periods": 2,
+        "measures": ["period"],
+        **short,
+    }
     motion = np.sin(6 * times)
     word = {"velocity": v}
     out = tempfile.mkdtemp()
@@ -189,7 +196,9 @@ def subjects():
     path.write_text("[system]\nscene = 'friction_oscillator'\nlaw = 'Coulomb'\n[axes]\nspring = [1.0]\n")
     loaded = study.read_study(path)
     saved = str(Path(out) / "saved.zarr")
-    pwsmooth.diagram(mapped, k, (2.5, 2.9), {"x": 0.6}, 1, phase=0.5, values=2, points=20, store=saved)
+    pwsmooth.diagram(
+        mapped, k, (2.5, 2.9), {"x": 0.6}, pwsmooth.Strobe(1, phase=0.5), values=2, points=20, store=saved
+    )
     saddle = pwsmooth.find_equilibrium(System({x: v, v: x}), {x: 0, v: 0})
     through = System({x: 1, v: -x, z: -v - Switch("lam", z)})
     stored = str(Path(out) / "stored.zarr")
@@ -203,7 +212,7 @@ def subjects():
             system_or_scene=system,
             x0=start,
             t_span=(0, 3),
-            period=drive,
+            seen=pwsmooth.Strobe(drive),
             ranges={k: (1, 2)},
             noise=kicks,
             show=False,
@@ -236,7 +245,11 @@ def subjects():
         "sweep": dict(
             system=system, axes={"k": [1.0, 2.0]}, units={"k": "N/m"}, rtol=1e-9, method="auto", **many
         ),
-        "find_orbit": dict(system=system, x0=start, period=drive, symmetry={x: -x, v: -v}, rtol=1e-12, **short),
+        "Strobe": dict(period=drive, phase=0.5, symmetry={x: -x, v: -v}),
+        "Return": dict(section=v, direction=-1, longest=20.0),
+        "find_orbit": dict(
+            system=system, x0=start, seen=pwsmooth.Strobe(drive, symmetry={x: -x, v: -v}), rtol=1e-12, **short
+        ),
         "follow": dict(orbit=orbit, parameter=k, to=1.01, most=5),
         "find_equilibrium": dict(system=pulled, x0={"x": 0.2}, sides={"lam": 0}),
         "equilibria": dict(system=pulled, box={"x": (-1.0, 1.0)}, sides={"lam": 0}, starts=8),
@@ -267,7 +280,7 @@ def subjects():
         "refine_basins": dict(
             system=system,
             axes={"x": [0.0, 1.0]},
-            period=drive,
+            seen=pwsmooth.Strobe(drive),
             start={"v": 0.0},
             transient=5,
             longest=2,
@@ -281,7 +294,7 @@ def subjects():
         "basins": dict(
             system=system,
             axes={"x": [0.0, 1.0]},
-            period=drive,
+            seen=pwsmooth.Strobe(drive),
             start={"v": 0.0},
             transient=5,
             longest=2,
@@ -292,7 +305,7 @@ def subjects():
             parameter=k,
             values=[1.0, 2.0],
             start=start,
-            period=drive,
+            seen=pwsmooth.Strobe(drive),
             transient=3,
             keep=2,
             **short,
@@ -302,11 +315,9 @@ def subjects():
             parameter=k,
             range=(2.5, 2.9),
             starts={"x": 0.6},
-            period=1,
-            phase=0.5,
+            seen=pwsmooth.Strobe(1, phase=0.5),
             values=2,
             points=20,
-            symmetry=None,
             orbits=[],
             **short,
         ),
@@ -315,8 +326,7 @@ def subjects():
             parameters=(k, z),
             ranges=((2.5, 2.9), (-0.1, 0.1)),
             starts={"x": 0.6},
-            period=1,
-            phase=0.5,
+            seen=pwsmooth.Strobe(1, phase=0.5),
             values=2,
             points=20,
             lines={z: [0.0]},
@@ -524,7 +534,7 @@ def subjects():
         ),
         "find_orbit section": (
             pwsmooth.find_orbit,
-            dict(system=free, x0=start, section=v, direction=-1, count=1, **short),
+            dict(system=free, x0=start, seen=pwsmooth.Return(v, direction=-1), count=1, **short),
         ),
         "sweep section": (
             pwsmooth.sweep,
@@ -532,9 +542,7 @@ def subjects():
                 system=free,
                 axes={"x": [1.0, 2.0]},
                 start=start,
-                section=v,
-                direction=-1,
-                longest_return=20.0,
+                seen=pwsmooth.Return(v, direction=-1, longest=20.0),
                 transient=2,
                 periods=2,
                 measures=["period", "points"],
@@ -547,9 +555,7 @@ def subjects():
                 system=free,
                 axes={"x": [1.0]},
                 start={"v": 0.0},
-                section=v,
-                direction=-1,
-                longest_return=20.0,
+                seen=pwsmooth.Return(v, direction=-1, longest=20.0),
                 transient=5,
                 longest=2,
                 **short,
@@ -562,7 +568,7 @@ def subjects():
                 parameter=k,
                 values=[1.0],
                 start=start,
-                period=drive,
+                seen=pwsmooth.Strobe(drive),
                 transient=3,
                 keep=2,
                 carry=True,

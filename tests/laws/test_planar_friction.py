@@ -8,7 +8,7 @@ import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
 
-from pwsmooth import Disc, Drive, Event, Solution, System, Unilateral, solve, sweep
+from pwsmooth import Disc, Drive, Event, Solution, Strobe, System, Unilateral, solve, sweep
 from pwsmooth.laws.friction import (
     GMS,
     XKY,
@@ -304,7 +304,7 @@ def test_a_sweep_counts_the_sticks_of_a_disc():
     force = [1.6 * sp.cos(t / 4) - k * x - lam[0], 0.25 * sp.sin(t / 4) - y - lam[1]]
     forced = System({x: u, y: v, u: force[0], v: force[1]}, time=t, parameters={k: 1})
     start = {x: 0.3, y: 0.1, u: 0.5, v: -0.4}
-    options = dict(start=start, period=8 * sp.pi, transient=30, periods=10)
+    options = dict(start=start, seen=Strobe(8 * sp.pi), transient=30, periods=10)
     data = sweep(forced, {"k": [1, 1.2]}, measures=["sticks", "itinerary"], **options)
     assert data.sticks.values.tolist() == [2, 2] and data.itinerary.values.tolist() == ["0 + 0 +"] * 2
 

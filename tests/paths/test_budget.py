@@ -15,6 +15,8 @@ from pwsmooth import (
     Diffusion,
     Event,
     Outcome,
+    Return,
+    Strobe,
     System,
     ensemble,
     find_orbit,
@@ -144,9 +146,9 @@ def steps(monkeypatch):
 
 LONG_CALLS = {
     "exponents": lambda: lyapunov_exponents(DRIVEN, START, 1e6, max_steps=2_000).outcome,
-    "orbit": lambda: find_orbit(DRIVEN, START, period=PERIOD, transient=10**5, max_steps=2_000).success,
+    "orbit": lambda: find_orbit(DRIVEN, START, seen=Strobe(PERIOD), transient=10**5, max_steps=2_000).success,
     "section": lambda: (
-        find_orbit(FREE, START, section=v, direction=-1, transient=10**5, max_steps=2_000).success
+        find_orbit(FREE, START, seen=Return(v, direction=-1), transient=10**5, max_steps=2_000).success
     ),
     "map": lambda: np.isfinite(
         Stroboscopic(DRIVEN, PERIOD, options={"max_steps": 2_000}).iterate(START, 10**5)
@@ -155,7 +157,9 @@ LONG_CALLS = {
         Section(FREE, surface=v, options={"max_steps": 2_000}).iterate(START, 10**5)
     ).all(),
     "diagram": lambda: np.isfinite(
-        orbit_diagram(DRIVEN, k, np.linspace(1, 2, 1000), START, PERIOD, carry=True, max_steps=2_000).points
+        orbit_diagram(
+            DRIVEN, k, np.linspace(1, 2, 1000), START, Strobe(PERIOD), carry=True, max_steps=2_000
+        ).points
     ).all(),
 }
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Diffusion, Kicks, Recorder, System, find_orbit, follow, solve
+from pwsmooth import Diffusion, Kicks, Recorder, Strobe, System, find_orbit, follow, solve
 from pwsmooth.costs import event_time, final, value_and_gradient
 from pwsmooth.costs import objective as objectives
 from pwsmooth.noise import diffusion_path
@@ -121,7 +121,7 @@ def test_behind_the_door_nothing_is_checked_again():
 
 
 def test_a_branch_followed_again_goes_through_no_door_of_solve():
-    orbit = find_orbit(block(), START, period=sp.pi)
+    orbit = find_orbit(block(), START, seen=Strobe(sp.pi))
     follow(orbit, F, to=0.5, step=0.1)
     assert entered(lambda: follow(orbit, F, to=0.5, step=0.1), "pwsmooth/solve.py") == []
 
@@ -141,7 +141,7 @@ def test_a_start_that_needs_a_look_gets_one_behind_the_door_too():
 
 
 def test_a_map_is_pickled_and_copied_without_what_it_has_prepared():
-    orbit = find_orbit(block(), START, period=sp.pi)
+    orbit = find_orbit(block(), START, seen=Strobe(sp.pi))
     assert orbit.map._inner
     again = pickle.loads(pickle.dumps(orbit.map))
     assert not again._inner and np.array_equal(again(orbit.x), orbit.map(orbit.x))

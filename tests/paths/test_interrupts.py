@@ -13,7 +13,7 @@ import time
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, System, diagram
+from pwsmooth import Event, Strobe, System, diagram
 from pwsmooth.paths.interrupts import noted, processes, result
 
 
@@ -158,7 +158,7 @@ def test_a_diagram_through_processes_is_interrupted_and_taken_up_again(tmp_path)
     )
 
     def made(**options):
-        return diagram(logistic, a, (2.9, 3.2), {x: 0.3}, 1, phase=0.5, values=9, **options)
+        return diagram(logistic, a, (2.9, 3.2), {x: 0.3}, Strobe(1, phase=0.5), values=9, **options)
 
     timer = threading.Timer(0.5, press)  # while its processes begin
     timer.start()

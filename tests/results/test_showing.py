@@ -10,6 +10,7 @@ import sympy as sp
 from pwsmooth import (
     Event,
     Family,
+    Strobe,
     Switch,
     System,
     basins,
@@ -36,17 +37,17 @@ TWO_WELLS = System({x: x - x**3 - sp.sin(t) / 10, v: -v}, time=t)
 
 @pytest.fixture(scope="module")
 def branch():
-    return follow(find_orbit(LOGISTIC, {x: 0.6}, period=1, phase=0.5), a, to=3.3)
+    return follow(find_orbit(LOGISTIC, {x: 0.6}, seen=Strobe(1, phase=0.5)), a, to=3.3)
 
 
 @pytest.fixture(scope="module")
 def found():
-    return basins(TWO_WELLS, {x: [-2, -1, 1], v: [0, 1]}, 2 * sp.pi, transient=20)
+    return basins(TWO_WELLS, {x: [-2, -1, 1], v: [0, 1]}, Strobe(2 * sp.pi), transient=20)
 
 
 @pytest.fixture(scope="module")
 def diagram():
-    return orbit_diagram(LOGISTIC, a, [2.5, 3.2, 5.0], {x: 0.3}, 1, keep=4)
+    return orbit_diagram(LOGISTIC, a, [2.5, 3.2, 5.0], {x: 0.3}, Strobe(1), keep=4)
 
 
 def many():
@@ -226,7 +227,7 @@ def test_a_backend_that_is_loaded_within_the_style_stays_interactive():
 
 def test_an_orbit_that_is_missing_is_said_to_be_so_once():
     for rate, period in ((-x + sp.sin(2 * t), 1), (1 + sp.sin(t), 2 * sp.pi)):
-        missing = find_orbit(System({x: v, v: rate}, time=t), {x: 1, v: 0}, period=period)
+        missing = find_orbit(System({x: v, v: rate}, time=t), {x: 1, v: 0}, seen=Strobe(period))
         assert not missing.success
         assert repr(missing).lower().count("no orbit") == 1 and repr(missing).startswith("No orbit")
 

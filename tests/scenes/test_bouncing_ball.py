@@ -11,7 +11,7 @@ import pytest
 import sympy as sp
 from scipy.optimize import brentq
 
-from pwsmooth import System, Unilateral, find_orbit, follow, follow_curve
+from pwsmooth import Strobe, System, Unilateral, find_orbit, follow, follow_curve
 from pwsmooth.analysis.continuation.conditions.chatter import fixed
 
 t, x, v = sp.symbols("t x v", real=True)
@@ -43,7 +43,7 @@ def bouncing(restitution, n):
     flown = 2 * math.pi * n - phi  # since the last impact, with the speed pi n
     start = {x: gamma * math.sin(phi) + math.pi * n * flown - flown**2 / 2, v: math.pi * n - flown}
     return (
-        find_orbit(BALL.with_parameters({G: gamma, e: restitution}), start, period=2 * sp.pi, count=n),
+        find_orbit(BALL.with_parameters({G: gamma, e: restitution}), start, seen=Strobe(2 * sp.pi), count=n),
         phi,
         gamma,
     )
@@ -114,7 +114,7 @@ def bounces(gamma, restitution=0.5):
 @pytest.fixture(scope="module")
 def chattering():
     """Rest on the table, flight, infinitely many bounces, rest: at Gamma = 1.2."""
-    return find_orbit(BALL, {x: 0, v: 1.2}, period=2 * sp.pi, transient=2)
+    return find_orbit(BALL, {x: 0, v: 1.2}, seen=Strobe(2 * sp.pi), transient=2)
 
 
 def test_the_ball_lifts_off_where_the_table_falls_as_fast(chattering):

@@ -5,7 +5,7 @@ import pytest
 import sympy as sp
 from friction_oscillator import hidden, omega, z
 
-from pwsmooth import Event, System, basins, orbit_diagram, sweep
+from pwsmooth import Event, Strobe, System, basins, orbit_diagram, sweep
 from pwsmooth.sweep import Period, Points, make_plan, refine, refining
 from pwsmooth.sweep.basins import refine_basins
 from pwsmooth.sweep.refining import spread
@@ -24,7 +24,7 @@ def logistic(**values):
 def doubling(**more):
     """From a fixed point through 2, 4, 8 points to chaos."""
     arguments = dict(
-        start={x: 0.3}, period=1, transient=100, periods=60, measures=[Points("x", last=61), Period()]
+        start={x: 0.3}, seen=Strobe(1), transient=100, periods=60, measures=[Points("x", last=61), Period()]
     )
     return make_plan(logistic(), {c: VALUES}, **arguments | more)
 
@@ -46,7 +46,7 @@ def test_the_default_order_has_every_point_once_and_the_first_of_them_spread(sha
 def test_a_complete_refinement_is_the_sweep_to_the_bit(workers):
     plan = doubling()
     whole = sweep(
-        logistic(), {c: VALUES}, start={x: 0.3}, period=1, transient=100, periods=60,
+        logistic(), {c: VALUES}, start={x: 0.3}, seen=Strobe(1), transient=100, periods=60,
         measures=[Points("x", last=61), Period()], progress=False,
     )  # fmt: skip
     assert plan.dataset(refine(plan, settle=None, workers=workers)).identical(whole)
@@ -99,13 +99,13 @@ def test_an_orbit_diagram_of_sticks_is_the_same_whether_refined_or_not():
         hidden(),
         {"rho": values},
         start=START,
-        period=DRIVE,
+        seen=Strobe(DRIVE),
         transient=60,
         periods=20,
         measures=[Points(last=20)],
     )
     refined = plan.dataset(refine(plan))
-    whole = orbit_diagram(hidden(), "rho", values, START, DRIVE, transient=60, keep=20)
+    whole = orbit_diagram(hidden(), "rho", values, START, Strobe(DRIVE), transient=60, keep=20)
     for name in "yvz":
         assert np.abs(refined[f"{name}_points"].values - whole[name]).max() < 30 * 1e-6
 
@@ -135,15 +135,17 @@ def test_bad_orders_and_budgets_are_refused_before_anything_runs():
     with pytest.raises(TypeError, match="`plan` is"):
         refine((plan, 1))
     with pytest.raises(ValueError, match="`axes` names 'c', which is no state"):
-        refine_basins(logistic(), {c: [2.5]}, 1, start={x: 0.3})
+        refine_basins(logistic(), {c: [2.5]}, Strobe(1), start={x: 0.3})
 
 
 def test_refined_basins_are_those_of_all_starts_run_to_the_end():
     # Three attractors, of which one takes a few of a hundred starts: see test_basins.py.
     grid = {"y": np.linspace(-2, 2, 14), "v": np.linspace(-3, 3, 14)}
-    whole = basins(hidden(), grid, 2 * sp.pi, start={z: 0}, transient=150)
+    whole = basins(hidden(), grid, Strobe(2 * sp.pi), start={z: 0}, transient=150)
     labels, found = np.full(14 * 14, -9), []
-    for indices, some, attractors in refine_basins(hidden(), grid, 2 * sp.pi, start={z: 0}, transient=150):
+    for indices, some, attractors in refine_basins(
+        hidden(), grid, Strobe(2 * sp.pi), start={z: 0}, transient=150
+    ):
         assert [a.x.tolist() for a in attractors[: len(found)]] == [a.x.tolist() for a in found]
         labels[indices], found = some, attractors
     assert len(found) == len(whole.attractors) == 3 and all(orbit.stable for orbit in found)
@@ -153,5 +155,5 @@ def test_refined_basins_are_those_of_all_starts_run_to_the_end():
 
 
 def test_starts_of_chaos_have_no_label_when_refined_either():
-    chunks = list(refine_basins(logistic(c=3.9), {x: [0.3, 0.4]}, 1, transient=100))
+    chunks = list(refine_basins(logistic(c=3.9), {x: [0.3, 0.4]}, Strobe(1), transient=100))
     assert [(labels.tolist(), found) for _, labels, found in chunks] == [([-1, -1], [])]

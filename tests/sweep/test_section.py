@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
 
-from pwsmooth import Event, Outcome, System, basins, find_orbit, orbit_diagram, sweep
+from pwsmooth import Event, Outcome, Return, Strobe, System, basins, find_orbit, orbit_diagram, sweep
 from pwsmooth.analysis.maps.poincare import RETURN
 from pwsmooth.sweep import Function
 from pwsmooth.sweep.basins import UNSETTLED
@@ -57,7 +57,7 @@ def chua_returns(value, count):
 @pytest.mark.parametrize("section, direction", [(u, -1), (u, 1), (x, 1), (x - k, -1)])
 def test_an_oscillator_driven_by_friction_has_its_closed_form_on_every_section(section, direction):
     found = sweep(
-        ACTIVE, {"k": [0.5, 2.0]}, start=OUTSIDE, section=section, direction=direction,
+        ACTIVE, {"k": [0.5, 2.0]}, start=OUTSIDE, seen=Return(section, direction=direction),
         measures=["period", "itinerary", "amplitude(x)", "counts"], units={"t": "s"},
     )  # fmt: skip
     # Errors of a turn, some RTOL of the states, die out by Q**2 a turn.
@@ -74,7 +74,7 @@ def test_an_oscillator_driven_by_friction_has_its_closed_form_on_every_section(s
 def test_a_smoothed_view_is_measured_from_return_to_return_too():
     eps = 1e-3
     found = sweep(
-        ACTIVE.smoothed(eps), {"k": [1.0]}, start=OUTSIDE, section=x, transient=30, periods=6,
+        ACTIVE.smoothed(eps), {"k": [1.0]}, start=OUTSIDE, seen=Return(x), transient=30, periods=6,
         measures=["period", "amplitude(x)"],
     )  # fmt: skip
     assert int(found.period[0]) == 1
@@ -90,7 +90,19 @@ def test_compiled_measures_agree_with_those_of_the_solution():
         "max_step": 0.25
     }  # a step in a stick would go as far as the run may last, which is not the same for both
     plan, axes = read_plan(
-        belt, {"k": [0.3, 0.5]}, None, {"x": 0, "u": 0}, names, None, None, None, 5, 4, None, None, short, u, -1
+        belt,
+        {"k": [0.3, 0.5]},
+        None,
+        {"x": 0, "u": 0},
+        names,
+        None,
+        None,
+        Return(u, -1),
+        5,
+        4,
+        None,
+        None,
+        short,
     )
     columns = axes.columns(0, axes.size)
     compiled = run_chunk(plan, columns)
@@ -113,7 +125,7 @@ def test_a_function_sees_the_run_to_the_last_return_and_the_times_of_all():
         return {"last": solution["x"][-1], "same": same}
 
     found = sweep(
-        ACTIVE, {"k": [0.5, 2.0]}, start=OUTSIDE, section=u, periods=3,
+        ACTIVE, {"k": [0.5, 2.0]}, start=OUTSIDE, seen=Return(u), periods=3,
         measures=["points(x)", Function(seen, names=("last", "same"))],
     )  # fmt: skip
     assert found["last"].values.tolist() == found.x_points.values[:, -1].tolist()
@@ -121,19 +133,19 @@ def test_a_function_sees_the_run_to_the_last_return_and_the_times_of_all():
 
 
 def test_returns_of_chuas_circuit_are_those_that_scipy_finds():
-    periodic = orbit_diagram(CHUA, alpha, [8.1, 8.2], SCROLL, section=y, transient=60, keep=4, rtol=1e-11)
+    periodic = orbit_diagram(CHUA, alpha, [8.1, 8.2], SCROLL, seen=Return(y), transient=60, keep=4, rtol=1e-11)
     for value, points in zip(periodic.values, periodic.points):
         expected = chua_returns(value, 66)
         gap = np.abs(points[:, None] - expected[None, -8:]).max(axis=2).min(axis=1)
         assert gap.max() < 1e-7  # SciPy's steps over the corners: its own error, 1e-8 with max_step halved
-    chaotic = orbit_diagram(CHUA, alpha, [9.0], SCROLL, section=y, transient=0, keep=5, rtol=1e-11)
+    chaotic = orbit_diagram(CHUA, alpha, [9.0], SCROLL, seen=Return(y), transient=0, keep=5, rtol=1e-11)
     np.testing.assert_allclose(chaotic.points[0], chua_returns(9.0, 6)[1:], rtol=0, atol=1e-7)
 
 
 def test_carried_and_independent_diagrams_of_an_autonomous_system_agree():
     values = [8.0, 8.1, 8.2]
-    apart = orbit_diagram(CHUA, alpha, values, SCROLL, section=y, keep=4)
-    carried = orbit_diagram(CHUA, alpha, values, SCROLL, section=y, keep=4, carry=True)
+    apart = orbit_diagram(CHUA, alpha, values, SCROLL, seen=Return(y), keep=4)
+    carried = orbit_diagram(CHUA, alpha, values, SCROLL, seen=Return(y), keep=4, carry=True)
     assert [len(set(row.round(6))) for row in apart["x"]] == [1, 1, 2]
     for one, other in zip(apart["x"], carried["x"]):
         assert np.sort(one) == pytest.approx(np.sort(other), abs=1e-7)
@@ -143,9 +155,9 @@ def test_the_wall_of_an_impact_can_be_the_section():
     wall = Event(1 - x, direction=-1, update={u: -u / 2})
     excited = System({x: u, u: -x + u / 5}, events=[wall])
     found = sweep(
-        excited, {"u": [0.0, 0.1]}, start={"x": 0.5}, section=x - 1, measures=["period", "points(x, u)"]
+        excited, {"u": [0.0, 0.1]}, start={"x": 0.5}, seen=Return(x - 1), measures=["period", "points(x, u)"]
     )
-    orbit = find_orbit(excited, {x: 0.5, u: 0}, section=x, transient=50)
+    orbit = find_orbit(excited, {x: 0.5, u: 0}, seen=Return(x), transient=50)
     np.testing.assert_allclose(found.period_time, orbit.period, rtol=100 * RTOL)
     assert np.abs(found.x_points - 1).max() < 1e-12 and (found.u_points < 0).all()  # after the impact
 
@@ -154,15 +166,15 @@ def test_an_orbit_that_does_not_come_back_costs_no_other_one():
     # It spirals into the origin from within |x| < 1 and is driven beyond.
     spiral = System({x: u, u: -x - u * sp.sign(1 - x**2 - u**2) / 4})
     found = sweep(
-        spiral, {"x": [0.5, 1.5]}, start={"u": 0}, section=u - sp.Rational(1, 10), transient=0, periods=2,
-        longest_return=20, measures=["period", "amplitude(x)"],
+        spiral, {"x": [0.5, 1.5]}, start={"u": 0}, seen=Return(u - sp.Rational(1, 10), longest=20), transient=0,
+        periods=2, measures=["period", "amplitude(x)"],
     )  # fmt: skip
     assert found.outcome.values.tolist() == [NO_RETURN, Outcome.FINISHED]
     words = dict(zip(found.outcome.flag_values, found.outcome.flag_meanings.split()))
     assert words[NO_RETURN] == "no_return_to_the_section"
     assert np.isnan(found.x_amplitude[0]) and np.isfinite(found.x_amplitude[1])
     ended = System({x: u, u: -x}, events=[Event(u + x - 2, terminal=True)])
-    found = sweep(ended, {"x": [1.0, 3.0]}, start={"u": 0}, section=u, measures=["period", "amplitude(x)"])
+    found = sweep(ended, {"x": [1.0, 3.0]}, start={"u": 0}, seen=Return(u), measures=["period", "amplitude(x)"])
     assert found.outcome.values.tolist() == [Outcome.FINISHED, Outcome.TERMINATED]
     assert np.isnan(found.x_amplitude[1]) and int(found.period[1]) == -1
 
@@ -173,7 +185,7 @@ def test_basins_of_limit_cycles_have_the_known_boundary_at_every_phase():
     growth = -(r2 - 1) * (r2 - 4) * (r2 - 9) / 20
     cycles = System({x: growth * x - y, y: growth * y + x})
     grid = np.linspace(-3.9, 3.9, 14)
-    found = basins(cycles, {x: grid, y: grid}, section=y, transient=20)
+    found = basins(cycles, {x: grid, y: grid}, seen=Return(y), transient=20)
     assert len(found.attractors) == 2 and (found.labels >= 0).all() and not any(found.reasons.ravel())
     radius = np.array([np.hypot(*orbit.x) for orbit in found.attractors])
     assert radius[found.labels] == pytest.approx(
@@ -184,7 +196,7 @@ def test_basins_of_limit_cycles_have_the_known_boundary_at_every_phase():
 
 def test_mirrored_starts_of_chuas_circuit_lead_to_mirrored_attractors():
     grid = {x: [-2.5, -1.5, 1.5, 2.5], y: [-0.1, 0.1], z: [-1.5, 1.5]}
-    found = basins(CHUA, grid, section=y, transient=100)
+    found = basins(CHUA, grid, seen=Return(y), transient=100)
     assert len(found.attractors) == 2 and (found.labels >= 0).all()
     assert np.array_equal(found.labels[::-1, ::-1, ::-1], 1 - found.labels)
 
@@ -200,14 +212,14 @@ def test_the_slow_orbit_without_impacts_has_its_basin(weak):
     zeta, w = sp.Rational(1, weak), 2.8
     system, period = impacting(zeta)
     axes = {"x": np.linspace(-3, 0.95, 9), "u": np.linspace(-3, 3, 8)}
-    found = basins(system, axes, period, transient=60)
+    found = basins(system, axes, Strobe(period), transient=60)
     assert (found.labels >= 0).all() and len(found.attractors) == 2
     (free,) = [n for n, orbit in enumerate(found.attractors) if not orbit.word]
     response = 1 / (1 - w**2 + 2j * float(zeta) * w)  # of exp(i w t)
     # Newton's method ends at 1e-11 of the return, and 1 - multiplier is some 2 zeta.
     assert found.attractors[free].x == pytest.approx([response.real, -w * response.imag], abs=1e-11 * weak)
     # Whoever has no impact for so long that the free motion has decayed has none any more.
-    settled = sweep(system, axes, period=period, transient=4 * weak, periods=20, measures=["counts"])
+    settled = sweep(system, axes, seen=Strobe(period), transient=4 * weak, periods=20, measures=["counts"])
     assert np.array_equal(found.labels == free, settled.events.values == 0)
 
 
@@ -215,25 +227,23 @@ def test_every_start_without_an_attractor_has_its_reason():
     logistic = System(
         {x: 0 * x}, time=t, parameters={k: 3.9}, events=[Event(every=1, update={x: k * x * (1 - x)})]
     )
-    chaotic = basins(logistic, {x: [0.3, 0.4]}, 1, transient=50)
+    chaotic = basins(logistic, {x: [0.3, 0.4]}, Strobe(1), transient=50)
     assert [reason.split(":")[0] for reason in chaotic.reasons] == ["unsettled"] * 2
-    resting = basins(System({x: u, u: -x - u}), {x: [1.0]}, start={u: 0}, section=u - 1, transient=5)
+    resting = basins(System({x: u, u: -x - u}), {x: [1.0]}, start={u: 0}, seen=Return(u - 1), transient=5)
     assert resting.labels.tolist() == [UNSETTLED] and resting.reasons[0].startswith("no return")
-    swinging = basins(System({x: u, u: -x}), {x: [1.0, 2.0]}, start={u: 0}, section=u, transient=5)
+    swinging = basins(System({x: u, u: -x}), {x: [1.0, 2.0]}, start={u: 0}, seen=Return(u), transient=5)
     assert swinging.labels.tolist() == [UNSETTLED] * 2 and "a multiplier of size 1" in swinging.reasons[0]
 
 
 @pytest.mark.parametrize(
     "change, words",
     [
-        (dict(section=x - t), ["`section` is -t + x", "t is no state", "x, u"]),
-        (dict(section=x - sp.Symbol("w")), ["`section`", "w is no state or parameter"]),
-        (dict(section="x - w"), ["`section`", "'w'"]),
-        (dict(section=k), ["`section` is k", "states x, u"]),
-        (dict(section=1), ["`section` is 1", "states x, u"]),
-        (dict(section=u, period=1), ["`period`", "`section`"]),
-        (dict(section=u, direction=0), ["`direction` is 0", "1, -1"]),
-        (dict(section=u, longest_return=0), ["`longest_return` is 0"]),
+        (dict(seen=Return(x - t)), ["`section` is -t + x", "t is no state", "x, u"]),
+        (dict(seen=Return(x - sp.Symbol("w"))), ["`section`", "w is no state or parameter"]),
+        (dict(seen=Return("x - w")), ["`section`", "'w'"]),
+        (dict(seen=Return(k)), ["`section` is k", "states x, u"]),
+        (dict(seen=Return(1)), ["`section` is 1", "states x, u"]),
+        (dict(seen=u), ["`seen` is u", "Return(section)"]),
     ],
 )
 @pytest.mark.parametrize("door", ["sweep", "basins", "orbit_diagram", "carried"])
@@ -253,8 +263,8 @@ def test_refusals_name_the_argument_and_the_remedy(door, change, words):
 def test_a_system_with_a_drive_has_no_section():
     system, _ = impacting(sp.Rational(1, 100))
     for call in (
-        lambda: sweep(system, {"x": [0.0]}, start={u: 0}, section=u, measures="period"),
-        lambda: basins(system, {x: [0.0]}, start={u: 0}, section=u),
+        lambda: sweep(system, {"x": [0.0]}, start={u: 0}, seen=Return(u), measures="period"),
+        lambda: basins(system, {x: [0.0]}, start={u: 0}, seen=Return(u)),
     ):
-        with pytest.raises(ValueError, match="depends on time.*Give the period"):
+        with pytest.raises(ValueError, match=r"depends on time.*Give Strobe\(period\)"):
             call()

@@ -11,13 +11,14 @@ import pytest
 import sympy as sp
 from friction_oscillator import coulomb, hidden, omega, z
 
-from pwsmooth import Event, Kicks, Outcome, Switch, System, Unilateral, solve, sweep
+from pwsmooth import Event, Kicks, Outcome, Strobe, Switch, System, Unilateral, solve, sweep
 from pwsmooth.sweep import Function, Period, Points
 from pwsmooth.sweep.chunk import run_chunk, solve_point
 from pwsmooth.sweep.plan import read_plan
 
 EPS = np.finfo(float).eps
 DRIVE = 2 * sp.pi / omega
+SEEN = Strobe(DRIVE)
 MOVING = {"y": 0.5, "v": 0.3}
 t, x = sp.symbols("t x", real=True)
 a = sp.symbols("a", positive=True)
@@ -29,9 +30,9 @@ SYSTEMS = {
 }
 
 
-def _plan(system, axes, start, measures, period=DRIVE, transient=10, periods=8, **options):
+def _plan(system, axes, start, measures, seen=SEEN, transient=10, periods=8, **options):
     return read_plan(
-        system, axes, None, start, measures, None, None, period, transient, periods, None, None, options
+        system, axes, None, start, measures, None, None, seen, transient, periods, None, None, options
     )
 
 
@@ -40,7 +41,7 @@ def test_a_point_has_the_bits_of_a_solve(name):
     system, start = SYSTEMS[name]
     axes = {"k": [1.7, 3.1, 4.6], "sigma": [0.8, 1.2, 2.4]}
     found = sweep(
-        system, axes, start=start, period=DRIVE, transient=3, periods=4, measures=["points", "counts"]
+        system, axes, start=start, seen=Strobe(DRIVE), transient=3, periods=4, measures=["points", "counts"]
     )
     for k in axes["k"]:
         for sigma in axes["sigma"]:
@@ -50,6 +51,17 @@ def test_a_point_has_the_bits_of_a_solve(name):
             assert [float(here[f"{s}_points"][-1]) for s in single.states] == single.x[:, -1].tolist()
             assert int(here.steps) == single.cost["steps"]
             assert int(here.ambiguities) == len(single.ambiguities)
+
+
+def test_a_phase_is_where_runs_begin_and_are_seen():
+    found = sweep(
+        coulomb(), {"sigma": [1.2, 2.4]}, start=MOVING, seen=Strobe(DRIVE, phase=0.25), transient=3, periods=4,
+        measures=["points"],
+    )  # fmt: skip
+    first = 0.25 * 2 * math.pi
+    for sigma in (1.2, 2.4):
+        single = solve(coulomb(), (first, first + 7 * 2 * math.pi), MOVING, parameters={"sigma": sigma})
+        np.testing.assert_allclose(found.v_points.sel(sigma=sigma)[-1], single["v"][-1], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
@@ -86,7 +98,7 @@ def test_compiled_measures_agree_with_those_of_the_solution(name):
     ],
 )
 def test_reference_orbits_of_the_specification(system, start, stick, sticks, words):
-    found = sweep(system, {"sigma": [2.4]}, start=start, period=DRIVE, transient=60, periods=10).squeeze()
+    found = sweep(system, {"sigma": [2.4]}, start=start, seen=Strobe(DRIVE), transient=60, periods=10).squeeze()
     assert abs(float(found.stick_time) - stick) < 1.5e-9  # two rounded durations of nine digits
     assert float(found.sticks) == sticks and int(found.period) == 1
     assert str(found.itinerary.item()) in words
@@ -98,7 +110,7 @@ def test_den_hartog_amplitude():
     u = sp.Symbol("u", real=True)
     block = System({x: u, u: sp.sin(w * t) - x - F * Switch("lam", u)}, time=t, parameters={w: 0.7, F: 0.2})
     found = sweep(
-        block, {"w": [0.7, 0.8, 1.3]}, start={"x": 0, "u": 1}, period=2 * sp.pi / w, transient=400, periods=4,
+        block, {"w": [0.7, 0.8, 1.3]}, start={"x": 0, "u": 1}, seen=Strobe(2 * sp.pi / w), transient=400, periods=4,
         measures=["amplitude(x)", "sticks"],
     )  # fmt: skip
     ws = found.w.values
@@ -114,7 +126,8 @@ def test_periods_of_a_subharmonic_drive():
     q = sp.symbols("q", positive=True)
     follower = System({x: -a * x + sp.sin(q * t)}, time=t, parameters={a: 1, q: 1})
     found = sweep(
-        follower, {"q": [1, 1 / 2, 1 / 3, math.sqrt(2)]}, start={"x": 0}, period=2 * sp.pi, transient=10, periods=12,
+        follower, {"q": [1, 1 / 2, 1 / 3, math.sqrt(2)]}, start={"x": 0}, seen=Strobe(2 * sp.pi), transient=10,
+        periods=12,
         measures=[Period(longest=4, tol=1e-7), "points"],
     )  # fmt: skip
     assert found.period.values.tolist() == [1, 2, 3, 0]
@@ -126,7 +139,7 @@ def test_periods_of_a_subharmonic_drive():
 
 def test_rest_is_one_long_stick():
     found = sweep(
-        coulomb(), {"sigma": [0.3, 0.9]}, start={"y": 0, "v": 0}, period=DRIVE, transient=1, periods=5
+        coulomb(), {"sigma": [0.3, 0.9]}, start={"y": 0, "v": 0}, seen=Strobe(DRIVE), transient=1, periods=5
     )
     np.testing.assert_allclose(found.stick_time, 2 * math.pi, rtol=20 * EPS)
     assert found.itinerary.values.tolist() == ["S", "S"] and found.sticks.values.tolist() == [0, 0]
@@ -137,7 +150,7 @@ def test_chunks_and_threads_change_no_bit(chunk, workers):
     def run(chunk, workers):
         return sweep(
             hidden().layered({z: sp.oo}), {"k": np.linspace(1.5, 5, 5), "sigma": np.linspace(0.6, 3, 5)}, start=MOVING,
-            period=DRIVE, transient=5, periods=4, measures=["sticks", "itinerary", "points", "statistics(y)"],
+            seen=Strobe(DRIVE), transient=5, periods=4, measures=["sticks", "itinerary", "points", "statistics(y)"],
             chunk=chunk, workers=workers,
         )  # fmt: skip
 
@@ -166,7 +179,9 @@ def test_failures_are_recorded_and_cost_no_other_point():
 
 
 def test_too_many_steps_is_an_outcome():
-    found = sweep(coulomb(), {"sigma": [1.2, 2.4]}, start=MOVING, period=DRIVE, max_steps=50, measures="counts")
+    found = sweep(
+        coulomb(), {"sigma": [1.2, 2.4]}, start=MOVING, seen=Strobe(DRIVE), max_steps=50, measures="counts"
+    )
     assert (found.outcome == Outcome.TOO_MANY_STEPS).all() and (found.steps == 50).all()
 
 
@@ -180,7 +195,8 @@ def test_a_terminal_event_ends_an_orbit_early():
 
 def test_a_list_of_points_times_a_grid():
     found = sweep(
-        coulomb(), {"v": [0.1, 0.3]}, points={"k": [2, 3, 4], "sigma": [0.7, 1.2, 2.4]}, start={"y": 0.5}, period=DRIVE,
+        coulomb(), {"v": [0.1, 0.3]}, points={"k": [2, 3, 4], "sigma": [0.7, 1.2, 2.4]}, start={"y": 0.5},
+        seen=Strobe(DRIVE),
         transient=2, periods=2, measures=Points("y", last=1), units={"k": "N/m", "v": "m/s", "y": "m"},
     )  # fmt: skip
     assert found.y_points.dims == ("point", "v", "last_1")
@@ -192,7 +208,13 @@ def test_a_list_of_points_times_a_grid():
 
 def test_the_start_time_is_an_axis():
     found = sweep(
-        coulomb(), {"t": [0, 1.5]}, start=MOVING, period=DRIVE, transient=0, periods=1, measures="points(y)"
+        coulomb(),
+        {"t": [0, 1.5]},
+        start=MOVING,
+        seen=Strobe(DRIVE),
+        transient=0,
+        periods=1,
+        measures="points(y)",
     )
     late = solve(coulomb(), (1.5, 1.5 + 2 * math.pi), MOVING)
     assert float(found.y_points.sel(t=1.5)[-1]) == late["y"][-1]
@@ -200,7 +222,8 @@ def test_the_start_time_is_an_axis():
 
 def test_an_itinerary_does_not_depend_on_the_phase_at_which_it_is_read():
     found = sweep(
-        hidden().layered({z: sp.oo}), {"t": [0, 1, 2, 3, 4, 5]}, start=MOVING, period=DRIVE, transient=60, periods=6,
+        hidden().layered({z: sp.oo}), {"t": [0, 1, 2, 3, 4, 5]}, start=MOVING, seen=Strobe(DRIVE), transient=60,
+        periods=6,
         measures=["itinerary", "sticks"],
     )  # fmt: skip
     assert found.itinerary.values.tolist() == ["S R S L"] * 6
@@ -212,7 +235,13 @@ def test_a_swept_layer_ratio_and_time_events_reach_the_orbit():
     layered = hidden().layered({z: 0.1})
     (name,) = [p.name for p in layered.parameters if p.name.startswith("ratio")]
     found = sweep(
-        layered, {name: [0.01, 0.3]}, start=MOVING, period=DRIVE, transient=3, periods=2, measures="points(y)"
+        layered,
+        {name: [0.01, 0.3]},
+        start=MOVING,
+        seen=Strobe(DRIVE),
+        transient=3,
+        periods=2,
+        measures="points(y)",
     )
     for r in (0.01, 0.3):
         single = solve(layered, (0, 10 * math.pi), MOVING, parameters={name: r})
@@ -251,7 +280,7 @@ def test_functions_of_the_solution_and_what_they_raise():
         return float(np.sum(np.array([e.time for e in solution.events]) > window.start))
 
     found = sweep(
-        coulomb(), {"sigma": [1.2, 2.4]}, start=MOVING, period=DRIVE, transient=4, periods=3,
+        coulomb(), {"sigma": [1.2, 2.4]}, start=MOVING, seen=Strobe(DRIVE), transient=4, periods=3,
         measures=["counts", late_events, Function(lambda s: {"a": s["y"][-1], "b": 2}, names=("a", "b"))],
     )  # fmt: skip
     assert float(found.late_events[0]) == int(found.events[0])
@@ -264,7 +293,7 @@ def test_functions_of_the_solution_and_what_they_raise():
 def test_a_smoothed_view_is_swept_point_by_point():
     smooth = hidden().smoothed(eps=0.1)
     found = sweep(
-        smooth, {"sigma": [2.4]}, start=MOVING | {"z": 0}, period=DRIVE, transient=400, periods=4,
+        smooth, {"sigma": [2.4]}, start=MOVING | {"z": 0}, seen=Strobe(DRIVE), transient=400, periods=4,
         measures=["extremes(y)", "period", "points(y)", "statistics(y)"],
     ).squeeze()  # fmt: skip
     # The specification's table: smoothed, eps = beta = 0.1, max y = 1.2808, printed to four digits.
@@ -312,7 +341,7 @@ def test_noise_is_swept_by_trajectory_whatever_the_chunks():
     """Kicks of y and v at regular times: every trajectory has the bits of its own solve."""
     kicks = Kicks(1e-3, every=0.7, on=("y", "v"), seed=5)
     arguments = dict(
-        start=MOVING, period=DRIVE, transient=1, periods=2, measures=["points(y)", "sticks", "counts"]
+        start=MOVING, seen=Strobe(DRIVE), transient=1, periods=2, measures=["points(y)", "sticks", "counts"]
     )
     found = sweep(coulomb(), {"trajectory": range(4)}, noise=kicks, chunk=1, **arguments)
     assert found.identical(
@@ -333,7 +362,7 @@ def test_the_largest_exponent_of_a_linear_system_is_its_real_part():
     u = sp.Symbol("u", real=True)
     spring = System({x: u, u: -4 * x - 2 * a * u + sp.sin(t)}, time=t, parameters={a: 0.1})
     found = sweep(
-        spring, {"a": [0.1, 0.3]}, start={"x": 1, "u": 0}, period=2 * sp.pi, transient=3, periods=40,
+        spring, {"a": [0.1, 0.3]}, start={"x": 1, "u": 0}, seen=Strobe(2 * sp.pi), transient=3, periods=40,
         measures=["lyapunov"],
     )  # fmt: skip
     # Both multipliers have modulus e^(-a T); the tangent vector turns, which the average feels as 1/T.

@@ -4,11 +4,11 @@ import pytest
 import sympy as sp
 from friction_oscillator import coulomb, hidden, omega
 
-from pwsmooth import System, sweep
+from pwsmooth import Strobe, System, sweep
 from pwsmooth.sweep import Extremes, Function
 
 DRIVE = 2 * sp.pi / omega
-GOOD = dict(axes={"sigma": [1.2, 2.4]}, start={"y": 0.5, "v": 0.3}, period=DRIVE)
+GOOD = dict(axes={"sigma": [1.2, 2.4]}, start={"y": 0.5, "v": 0.3}, seen=Strobe(DRIVE))
 x, a, every = sp.symbols("x a every", positive=True)
 
 
@@ -28,12 +28,13 @@ x, a, every = sp.symbols("x a every", positive=True)
         (dict(axes=None, points={"sigma": [1, 2], "k": [1]}), ["2", "1", "k", "axes="]),
         (dict(axes={"seed": [1, 2]}), ["seed", "noise="]),
         (dict(start={"y": 1}), ["x0", "v"]),
-        (dict(period=-1), ["`period`", "positive"]),
-        (dict(period="2*pi/omga"), ["omga", "Names are"]),
-        (dict(period="2*pi/("), ["`period`", "formula"]),
-        (dict(period=None), ["`period`", "t_span"]),
+        (dict(seen=DRIVE), ["`seen` is 2*pi/omega", "Strobe(period)"]),
+        (dict(seen=Strobe("2*pi/omga")), ["omga", "Names are"]),
+        (dict(seen=Strobe("2*pi/(")), ["`period`", "formula"]),
+        (dict(seen=None), ["Strobe(period)", "t_span"]),
         (dict(t_span=(0, 1)), ["not both"]),
-        (dict(period=None, t_span=(0, 1), measure_from=2), ["`measure_from`", "2"]),
+        (dict(seen=Strobe(DRIVE, phase=0.5), axes={"t": [0, 1]}), ["`seen` has a phase", "start time"]),
+        (dict(seen=None, t_span=(0, 1), measure_from=2), ["`measure_from`", "2"]),
         (dict(transient=-1), ["`transient`", "-1"]),
         (dict(periods=0), ["`periods`", "0"]),
         (dict(measures=["stick"]), ["'stick'", "sticks"]),
@@ -79,5 +80,9 @@ def test_sticks_of_what_cannot_stick_are_refused():
 def test_values_that_a_parameter_must_not_have_are_refused_before_anything_runs():
     with pytest.raises(ValueError, match="divides by"):
         sweep(
-            hidden(), {"beta": [0.1, 0.0]}, start={"y": 0, "v": 0, "z": 0}, period=DRIVE, measures=Extremes("y")
+            hidden(),
+            {"beta": [0.1, 0.0]},
+            start={"y": 0, "v": 0, "z": 0},
+            seen=Strobe(DRIVE),
+            measures=Extremes("y"),
         )

@@ -27,7 +27,7 @@ import sympy as sp
 import xarray
 from friction_oscillator import coulomb, omega
 
-from pwsmooth import sweep
+from pwsmooth import Strobe, sweep
 from pwsmooth.codegen.machine import cache
 from pwsmooth.sweep import Amplitude, Function, Measure, read_store
 from pwsmooth.sweep.contract import Variable
@@ -41,7 +41,7 @@ AXES = {"k": np.linspace(1.5, 5, 12), "sigma": np.linspace(0.6, 3, 10)}
 
 def run(store=None, **changes):
     arguments = dict(
-        start=START, period=2 * sp.pi / omega, transient=20, periods=8, chunk=3, workers=2, store=store,
+        start=START, seen=Strobe(2 * sp.pi / omega), transient=20, periods=8, chunk=3, workers=2, store=store,
         measures=["sticks", "itinerary", "period", "points(y)", Amplitude("y")],
     ) | changes  # fmt: skip
     return sweep(coulomb(), AXES, **arguments)
@@ -118,9 +118,9 @@ def test_a_chunk_without_its_mark_is_run_again(tmp_path):
         (dict(rtol=1e-8), "tolerances"),
         (dict(start={"y": 0.5, "v": 0.4}), "start is y = 0.5, v = 0.3"),
         (dict(measures="sticks"), "measures is"),
-        (dict(period=6), "period is 2*pi/omega"),
+        (dict(seen=Strobe(6)), "period is 2*pi/omega"),
         (
-            dict(period=2 * sp.pi / omega * 1.0),
+            dict(seen=Strobe(2 * sp.pi / omega * 1.0)),
             "this one's is 2.0*pi/omega with Float('2.0'",
         ),
     ],
@@ -135,9 +135,9 @@ def test_a_store_of_another_sweep_is_refused(tmp_path, changes, words):
 
 def test_a_period_is_known_to_its_last_bit(tmp_path):
     period = 6.283185307179586
-    run(tmp_path / "sweep.zarr", transient=3, period=period)
+    run(tmp_path / "sweep.zarr", transient=3, seen=Strobe(period))
     with pytest.raises(ValueError, match=r"its period is .*5862'.*, this one's is .*5871'"):
-        run(tmp_path / "sweep.zarr", transient=3, period=np.nextafter(period, 7))
+        run(tmp_path / "sweep.zarr", transient=3, seen=Strobe(np.nextafter(period, 7)))
 
 
 def test_a_finished_store_of_another_version_is_read_and_another_one_refused(tmp_path, monkeypatch):
@@ -169,7 +169,7 @@ def test_the_versions_of_a_store_hold_every_source_of_the_package(tmp_path, monk
 
 def test_a_store_of_before_checksums_is_read_with_a_warning(tmp_path):
     store = tmp_path / "sweep.zarr"
-    whole = run(store, transient=3, period=6.25)
+    whole = run(store, transient=3, seen=Strobe(6.25))
     group = json.loads((store / "zarr.json").read_text())
     about = group["attributes"]
     identity, versions = (json.loads(about[name]) for name in ("identity", "versions"))
@@ -181,19 +181,21 @@ def test_a_store_of_before_checksums_is_read_with_a_warning(tmp_path):
     shutil.rmtree(store / "chunk_sha256")
     stamps = {p: p.stat().st_mtime_ns for p in store.rglob("*")}
     with pytest.warns(UserWarning, match="no checksums"):
-        assert same_bits(run(store, transient=3, period=6.25), whole.assign_attrs(versions=about["versions"]))
+        assert same_bits(
+            run(store, transient=3, seen=Strobe(6.25)), whole.assign_attrs(versions=about["versions"])
+        )
     with pytest.warns(UserWarning, match="before stores had checksums"):
         read = read_store(store)
     assert all(
         (read[name].values == whole[name].values).all() for name in ("sticks", "itinerary", "k", "outcome")
     )
     with pytest.raises(ValueError, match=r"its period is 6\.250*, this one\'s is 6\.26"):
-        run(store, transient=3, period=6.26)
+        run(store, transient=3, seen=Strobe(6.26))
     assert stamps == {p: p.stat().st_mtime_ns for p in store.rglob("*")}
     chunk = store / "stick_time" / "c" / "1" / "0"
     chunk.write_bytes(chunk.read_bytes()[:-3])
     with pytest.raises(ValueError, match="chunks have still to run"):
-        run(store, transient=3, period=6.25)
+        run(store, transient=3, seen=Strobe(6.25))
 
 
 SCALE = 2.0

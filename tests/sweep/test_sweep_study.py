@@ -12,7 +12,7 @@ import xarray
 from friction_oscillator import coulomb, omega
 from typer.testing import CliRunner
 
-from pwsmooth import System, sweep
+from pwsmooth import Strobe, System, sweep
 from pwsmooth.cli import app
 from pwsmooth.sweep import Function
 from pwsmooth.sweep.study import Names, StudyError, arguments_of, read_study, run_study
@@ -34,7 +34,7 @@ def last(solution):
 STUDY = """
 title = "two sticks or none"
 measures = ["sticks", "itinerary", "model.py:last"]
-period = "2*pi/omega"
+seen = { period = "2*pi/omega" }
 transient = 3
 periods = 2
 
@@ -74,7 +74,7 @@ def test_a_study_gives_what_sweep_gives_and_resumes_only_when_asked(study, tmp_p
     with xarray.open_zarr(tmp_path / "study.zarr", consolidated=False) as opened:
         stored = opened.load()
     expected = sweep(
-        coulomb(), {"sigma": [1.2, 2.4], "k": [2, 3.1]}, start={"y": 0.5, "v": 0.3}, period=2 * np.pi / omega,
+        coulomb(), {"sigma": [1.2, 2.4], "k": [2, 3.1]}, start={"y": 0.5, "v": 0.3}, seen=Strobe(2 * np.pi / omega),
         transient=3, periods=2, measures=["sticks", "itinerary", lambda s: s["y"][-1]],
     )  # fmt: skip
     assert stored.itinerary.values.tolist() == expected.itinerary.values.tolist()
@@ -179,7 +179,7 @@ def test_a_scene_brings_its_start_period_and_units(tmp_path):
 def test_a_study_may_count_returns_to_a_section(tmp_path):
     path = tmp_path / "belt.toml"
     path.write_text(
-        'section = "v"\ndirection = -1\ntransient = 5\nperiods = 4\nmeasures = ["period", "sticks"]\n'
+        'seen = { section = "v", direction = -1 }\ntransient = 5\nperiods = 4\nmeasures = ["period", "sticks"]\n'
         '[system]\nobject = "belt"\n[axes]\nk = [2, 3.1]\n'
     )
     y, v, k = sp.symbols("y v k", real=True)

@@ -76,7 +76,7 @@ class Bifurcation:
 
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> logistic = System({x: 0 * x}, time=t, parameters={a: 2.8}, events=[Event(every=1, update={x: a * x * (1 - x)})])
-    >>> orbit = find_orbit(logistic, {x: 0.6}, period=1, phase=0.5)
+    >>> orbit = find_orbit(logistic, {x: 0.6}, seen=Strobe(1, phase=0.5))
     >>> (flip,) = follow(orbit, a, to=3.3).bifurcations
     >>> print(flip.kind, f"{flip.parameter:.6f}")
     flip 3.000000
@@ -145,7 +145,7 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
     >>> from pwsmooth.analysis.continuation.arclength import Walk
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> logistic = System({x: 0 * x}, time=t, parameters={a: 2.8}, events=[Event(every=1, update={x: a * x * (1 - x)})])
-    >>> orbit = find_orbit(logistic, {x: 0.6}, period=1, phase=0.5)
+    >>> orbit = find_orbit(logistic, {x: 0.6}, seen=Strobe(1, phase=0.5))
     >>> walk = Walk(orbit, "a", scale=1.0)
     >>> here = walk.point(orbit, np.array([0.0, 1.0]))
     >>> there = walk.step(here, 0.3)

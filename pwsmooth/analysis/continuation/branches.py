@@ -58,7 +58,7 @@ class Branch(_Along):
 
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> system = System({x: a * sp.cos(t) - x}, time=t, parameters={a: 1})
-    >>> branch = follow(find_orbit(system, {x: 0}, period=2 * sp.pi), a, to=2)
+    >>> branch = follow(find_orbit(system, {x: 0}, seen=Strobe(2 * sp.pi)), a, to=2)
     >>> branch.end, bool(branch.stable.all())
     ('reached a = 2.', True)
     >>> print(f"{branch.values[-1]:g} {branch.x[0, -1]:.9f}")
@@ -168,7 +168,7 @@ def follow(
     >>> t, x, v = sp.symbols("t x v", real=True)
     >>> F = sp.Symbol("F", positive=True)
     >>> dry = System({x: v, v: sp.sin(2*t) - x - F*sp.sign(v)}, time=t, parameters={F: 0.3})
-    >>> orbit = find_orbit(dry, {x: 1, v: 0.5}, period=sp.pi, symmetry={x: -x, v: -v})
+    >>> orbit = find_orbit(dry, {x: 1, v: 0.5}, seen=Strobe(sp.pi, symmetry={x: -x, v: -v}))
     >>> [b.kind for b in follow(orbit, F, to=0.8, step=0.1).bifurcations]
     ['crossing-sliding']
     """
@@ -403,7 +403,7 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
 
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> logistic = System({x: 0 * x}, time=t, parameters={a: 2.8}, events=[Event(every=1, update={x: a * x * (1 - x)})])
-    >>> orbit = find_orbit(logistic, {x: 0.6}, period=1, phase=0.5)
+    >>> orbit = find_orbit(logistic, {x: 0.6}, seen=Strobe(1, phase=0.5))
     >>> (flip,) = follow(orbit, a, to=3.3).bifurcations
     >>> cycle = branch_off(flip, 0.02)
     >>> cycle.success, cycle.map.count, cycle.stable

@@ -57,7 +57,7 @@ class Codimension2:
     >>> t, x, a, b = sp.symbols("t x a b", real=True)
     >>> step = Event(every=1, update={x: a + b * x - x**3})
     >>> cubic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 1.8}, events=[step])
-    >>> orbit = find_orbit(cubic, {x: 1.2}, period=1, phase=0.5)
+    >>> orbit = find_orbit(cubic, {x: 1.2}, seen=Strobe(1, phase=0.5))
     >>> fold = follow(orbit, a, to=-1).of_kind("fold")[0]
     >>> (cusp,) = follow_curve(fold, {a: (-1, 1), b: (0, 2)}).of_kind("cusp")
     >>> print(f"{abs(cusp.values['a']):.6f} {cusp.values['b']:.6f}")

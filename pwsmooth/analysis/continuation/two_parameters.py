@@ -73,7 +73,7 @@ class Curve(InPlane):
     >>> t, x, a, b = sp.symbols("t x a b", real=True)
     >>> step = Event(every=1, update={x: a - x**2 + b * x})
     >>> quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
-    >>> (flip,) = follow(find_orbit(quadratic, {x: 0.3}, period=1, phase=0.5), a, to=1).bifurcations
+    >>> (flip,) = follow(find_orbit(quadratic, {x: 0.3}, seen=Strobe(1, phase=0.5)), a, to=1).bifurcations
     >>> curve = follow_curve(flip, {a: (-1, 2), b: (-1, 1)})
     >>> curve.ends
     ('reached b = -1.', 'reached b = 1.')
@@ -166,7 +166,7 @@ def follow_curve(
     >>> t, x, y, a, b = sp.symbols("t x y a b", real=True)
     >>> step = Event(every=1, update={x: 1 - a * x**2 + y, y: b * x})
     >>> henon = System({x: 0 * x, y: 0 * y}, time=t, parameters={a: 0.1, b: 0.3}, events=[step])
-    >>> orbit = find_orbit(henon, {x: 0.6, y: 0.2}, period=1, phase=0.5)
+    >>> orbit = find_orbit(henon, {x: 0.6, y: 0.2}, seen=Strobe(1, phase=0.5))
     >>> (flip,) = follow(orbit, a, to=0.6).of_kind("flip")
     >>> curve = follow_curve(flip, {a: (0, 2), b: (-0.5, 0.5)})
     >>> p, q = curve.values

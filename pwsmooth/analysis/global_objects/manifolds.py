@@ -263,7 +263,7 @@ def manifold(
 
     >>> t, x, y = sp.symbols("t x y", real=True)
     >>> square = Event(every=1, update={x: 2 * x, y: y / 2 + x**2})
-    >>> saddle = find_orbit(System({x: 0 * x, y: 0 * y}, time=t, events=[square]), {x: 0, y: 0}, period=1)
+    >>> saddle = find_orbit(System({x: 0 * x, y: 0 * y}, time=t, events=[square]), {x: 0, y: 0}, seen=Strobe(1))
     >>> out = manifold(saddle, "unstable", box={x: (-1, 1)})
     >>> bool(abs(out.points[1] - 2 / 7 * out.points[0] ** 2)[:200].max() < 1e-11)
     True

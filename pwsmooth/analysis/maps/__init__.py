@@ -4,7 +4,9 @@ from ... import on_first_use
 
 _HOME = {
     "Image": "sections",
+    "Return": "seen",
     "Section": "sections",
+    "Strobe": "seen",
     "Stroboscopic": "sections",
     "Variations": "variations",
     "Word": "sections",

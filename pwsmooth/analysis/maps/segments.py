@@ -61,7 +61,7 @@ class Segments:
     >>> import sympy as sp
     >>> from pwsmooth import System, find_orbit
     >>> t, x = sp.symbols("t x", real=True)
-    >>> orbit = find_orbit(System({x: 3 * x + sp.cos(t)}, time=t), {x: 0}, period=2 * sp.pi)
+    >>> orbit = find_orbit(System({x: 3 * x + sp.cos(t)}, time=t), {x: 0}, seen=Strobe(2 * sp.pi))
     >>> len(orbit.segments), bool(abs(orbit.segments.matrices).max() < 1e4 < abs(orbit.multipliers[0]))
     (5, True)
     """

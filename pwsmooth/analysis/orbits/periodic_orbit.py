@@ -77,7 +77,7 @@ class PeriodicOrbit(Described):
     The orbit of dx/dt = cos t - x has the multiplier exp(-2 pi):
 
     >>> t, x = sp.symbols("t x", real=True)
-    >>> orbit = find_orbit(System({x: sp.cos(t) - x}, time=t), {x: 0}, period=2 * sp.pi)
+    >>> orbit = find_orbit(System({x: sp.cos(t) - x}, time=t), {x: 0}, seen=Strobe(2 * sp.pi))
     >>> print(f"{orbit.start['x']:.9f} {orbit.multipliers[0].real:.9f} {math.exp(-2 * math.pi):.9f}")
     0.500000000 0.001867443 0.001867443
     """

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, Family, Kicks, Memory, Outcome, System, Unilateral, solve, sweep
+from pwsmooth import Event, Family, Kicks, Memory, Outcome, Strobe, System, Unilateral, solve, sweep
 from pwsmooth.compare.work_precision.cases import CASES
 from pwsmooth.laws.friction import GMS, Elastoplastic, ElastoplasticFixed, ModifiedCoulomb
 from pwsmooth.scenes import block_on_belt
@@ -188,7 +188,7 @@ def test_a_sweep_takes_stiff_steps():
     case = CASES["lugre"]
     (mass,) = (p for p in case.system.parameters if p.name == "mass")
     found = [
-        sweep(case.system, {mass: [0.5, 1.0]}, start=case.start, period=case.t_end, transient=0, periods=1,
+        sweep(case.system, {mass: [0.5, 1.0]}, start=case.start, seen=Strobe(case.t_end), transient=0, periods=1,
               measures=["extremes(friction)", "counts"], method=method)
         for method in ("stiff", "auto")
     ]  # fmt: skip
@@ -196,7 +196,7 @@ def test_a_sweep_takes_stiff_steps():
     assert np.allclose(stiff, explicit, rtol=1e-6) and stiff[0] != stiff[1]
     assert 10 * int(found[0].steps.sum()) < int(found[1].steps.sum())
     with pytest.raises(ValueError, match="can slide"):
-        sweep(System({x: -sp.sign(x)}), {x: [1.0, 2.0]},  period=1, transient=0, periods=1, measures=["counts"],
+        sweep(System({x: -sp.sign(x)}), {x: [1.0, 2.0]},  seen=Strobe(1), transient=0, periods=1, measures=["counts"],
               method="stiff")  # fmt: skip
 
 
