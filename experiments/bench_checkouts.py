@@ -54,7 +54,7 @@ def scenes():
 
     def swept():
         grid = {"sigma": np.linspace(1, 4, 200)}
-        sweep(coulomb, grid, start=[0.5, 0.3], seen=Strobe(2 * sp.pi), transient=30, periods=10)
+        sweep(coulomb, grid, x0=[0.5, 0.3], seen=Strobe(2 * sp.pi), transient=30, periods=10)
         return {}
 
     return {

@@ -40,7 +40,7 @@ RANGES = {"rho": (0, 6), "sigma": (0.5, 1.6), "omega": (0.5, 1.5)}
 def diagram(name):
     """Seconds of the first chunk, of all columns, and of all columns run to their end; and the share of sticking."""
     plan = make_plan(
-        OSCILLATOR, {name: np.linspace(*RANGES[name], 800)}, start={"y": 0.5, "v": 0.3, "z": 0}, seen=Strobe(DRIVE),
+        OSCILLATOR, {name: np.linspace(*RANGES[name], 800)}, x0={"y": 0.5, "v": 0.3, "z": 0}, seen=Strobe(DRIVE),
         transient=100, periods=100, measures=[Points("y", last=100)],
     )  # fmt: skip
     begin = time.process_time()
@@ -54,7 +54,7 @@ def diagram(name):
         pass
     unsettled = time.process_time() - begin - whole
     sticks = sweep(
-        OSCILLATOR, {name: np.linspace(*RANGES[name], 40)}, start={"y": 0.5, "v": 0.3, "z": 0}, seen=Strobe(DRIVE),
+        OSCILLATOR, {name: np.linspace(*RANGES[name], 40)}, x0={"y": 0.5, "v": 0.3, "z": 0}, seen=Strobe(DRIVE),
         measures=["sticks"], progress=False,
     )  # fmt: skip
     value = plan.values(indices)[name]
@@ -80,7 +80,7 @@ def maps(side):
 
     basins.run_chunk = counted
     begin = time.process_time()
-    chunks = basins.refine_basins(OSCILLATOR, grid, Strobe(DRIVE), start={"z": 0}, transient=200)
+    chunks = basins.refine_basins(OSCILLATOR, grid, Strobe(DRIVE), x0={"z": 0}, transient=200)
     labels = [next(chunks)[1]]
     first = time.process_time() - begin
     for _, some, found in chunks:
@@ -96,7 +96,7 @@ def maps(side):
     periods = round(ran / side**2)
     begin = time.process_time()
     sweep(
-        OSCILLATOR, points=starts, start={"z": 0}, seen=Strobe(DRIVE), transient=0, periods=periods, workers=1,
+        OSCILLATOR, points=starts, x0={"z": 0}, seen=Strobe(DRIVE), transient=0, periods=periods, workers=1,
         measures=[Points("y", last=1)], progress=False,
     )  # fmt: skip
     plain = (time.process_time() - begin) / (len(chosen) * periods)

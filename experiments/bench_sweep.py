@@ -68,7 +68,7 @@ def pwsmooth_runner(rtol):
 
     def run(ks, sigmas, workers=1, chunk=None):
         found = sweep(
-            oscillator, points={"k": ks, "sigma": sigmas}, start={y: START[0], v: START[1]},
+            oscillator, points={"k": ks, "sigma": sigmas}, x0={y: START[0], v: START[1]},
             seen=Strobe(2 * sp.pi / omega),
             transient=0, periods=PERIODS, rtol=rtol, atol=1e-3 * rtol, workers=workers, chunk=chunk, progress=False,
             measures=["sticks", "itinerary", "period", "counts", Points("y", "v", last=1)],

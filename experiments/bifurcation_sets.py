@@ -111,8 +111,8 @@ def the_set(name: str, config: Config, store=None):
     found = bifurcation_set(
         system_of(view, config), parameters.split(), ranges, [start_of(view, s) for s in config.starts],
         Strobe(DRIVE, symmetry=MIRROR),
-        lines=held, values=config.values, longest=config.longest, workers=config.workers,
-        longest_step=0.1, points=1000, progress=False, store=store,
+        lines=held, values=config.values, max_count=config.longest, workers=config.workers,
+        longest_step=0.1, max_points=1000, progress=False, store=store,
     )  # fmt: skip
     return found, {"wall": time.perf_counter() - begun, "processor": sum(os.times()[:4]) - spent}
 
@@ -128,7 +128,7 @@ def attractors_at(view: str, at: dict, config: Config, random) -> tuple[list, di
     points, cycle = [], []
     for transient in (config.transient, 10 * config.transient):
         found = sweep(
-            system, points=starts, start=more, seen=Strobe(DRIVE), transient=transient, periods=32, progress=False,
+            system, points=starts, x0=more, seen=Strobe(DRIVE), transient=transient, periods=32, progress=False,
             measures=[Period(16, 1e-6), Points(*map(str, system.states), last=16)],
         )  # fmt: skip
         points = np.stack([found[f"{s}_points"].values for s in system.states], axis=-1)
@@ -170,7 +170,7 @@ def borders(orbit, names, ranges) -> list[tuple[str, dict, str]]:
     values = {p.name: float(q) for p, q in orbit.system.parameters.items()}
     for name, (low, high) in zip(names, ranges):
         for to in (low, high):
-            branch = follow(orbit, name, to, most=2000, max_steps=1_000_000)
+            branch = follow(orbit, name, to, max_points=2000, max_steps=1_000_000)
             back = np.flatnonzero(np.diff(branch.values) * (to - branch.values[0]) < 0)
             last = min([*np.flatnonzero(~branch.stable), *back[:1] + 1, len(branch.stable)])
             # The first place at which it turns back, jumps, or loses its stability, be it for less than a step.

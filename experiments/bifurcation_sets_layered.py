@@ -95,7 +95,7 @@ def attractors(at: dict, number: int, config: Config, random) -> tuple[list, Cou
     base, orbits, fates = Stroboscopic(system, DRIVE), [], Counter()
     for transient in (config.transient, 8 * config.transient):
         found = sweep(
-            system, points=starts, start={}, seen=Strobe(DRIVE), transient=transient, periods=12, progress=False,
+            system, points=starts, x0={}, seen=Strobe(DRIVE), transient=transient, periods=12, progress=False,
             measures=[Period(6, 1e-6), Points("y", "v", last=6)],
         )  # fmt: skip
         ends = np.stack([found["y_points"].values, found["v_points"].values], axis=-1)

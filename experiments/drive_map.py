@@ -111,8 +111,9 @@ SYSTEMS = {"rho = 0": coulomb(), "rho = 3, slaved": hidden().layered({z: sp.oo})
 def named(system, config, start, transient, periods, longest, **where):
     """(dataset of the sweep, words, the keys of NAMED that its points have)."""
     found = sweep(
-        system, start=dict(zip("yv", start)), seen=Strobe(2 * sp.pi / omega), transient=transient, periods=periods,
-        measures=[Itinerary(), Period(longest=longest, tol=config.tol), "points(y)", "sticks"], progress=False, **where,
+        system, x0=dict(zip("yv", start)), seen=Strobe(2 * sp.pi / omega), transient=transient, periods=periods,
+        measures=[Itinerary(), Period(max_count=longest, tol=config.tol), "points(y)", "sticks"], progress=False,
+        **where,
     )  # fmt: skip
     words = np.vectorize(mirrored)(found.itinerary.values.astype(object))
     kinds = np.vectorize(kind)(words, found.period.values).astype(object)

@@ -125,7 +125,7 @@ def rest_end(beta, *, A=0.0, offset=0.0, over="A", to=3.0):
         return [float(value) for value in (np.abs(lam).max(), z.min(), z.max())]
 
     first = find_orbit(rest, {osc.z: 0.8}, transient=20, **options)
-    branch = follow(first, over, to, most=80, shortest_step=1e-10)
+    branch = follow(first, over, to, max_points=80, shortest_step=1e-10)
     last = int(np.argmax(branch.values))  # where it turns
     rising = [seen(orbit) for orbit in branch.orbits[: last + 1]]
     slips = next((i for i, (lam, _, _) in enumerate(rising) if lam > 1), None)

@@ -123,7 +123,7 @@ def limit(field, values, period, low, high):
     transient = int(20 + 30 * float(field.parameters[b]))
     orbit = find_orbit(field, {z: 0.6}, seen=Strobe(period), transient=min(transient, 400))
     for most in (60, 120, 500):
-        branch = follow(orbit, A, to=high, most=most)
+        branch = follow(orbit, A, to=high, max_points=most)
         narrow = (
             np.ptp(branch.values[-10:]) < ROUNDED
         )  # a canard explosion, over which A does not change any more
@@ -180,7 +180,7 @@ def curves():
     """The fold and the touch of |lam| = 1 over (rho, A) at omega beta = 100."""
     field = system().with_parameters({b: 100.0, A: 0.9})
     orbit = find_orbit(field, {z: 0.6}, seen=Strobe(sp.pi), transient=2000)
-    folds = follow(orbit, A, to=6.0, most=60).of_kind("fold")[0]
+    folds = follow(orbit, A, to=6.0, max_points=60).of_kind("fold")[0]
     ranges = {rho: (0.55, 6.5), A: (0.5, 8.0)}
     kept = {}
     for name, start, more in (

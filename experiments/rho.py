@@ -51,7 +51,7 @@ class Config:
 def swept(system, rhos, config, more, starts=slice(None)):
     """The sweep of one regime over rho and the starts."""
     return sweep(
-        system, {"rho": rhos}, points={"y": config.ys[starts], "v": config.vs[starts]}, start=more, seen=Strobe(DRIVE),
+        system, {"rho": rhos}, points={"y": config.ys[starts], "v": config.vs[starts]}, x0=more, seen=Strobe(DRIVE),
         transient=config.transient, periods=config.periods, measures=["sticks", "itinerary", "period", "amplitude(y)"],
     )  # fmt: skip
 

@@ -169,7 +169,7 @@ def sigmoids(config):
     for name in SIGMOIDS:
         slaved = osc.oscillator().layered({osc.z: sp.oo}, sigmoid=name)
         exact = find_orbit(slaved, osc.SLAVED_START, seen=Strobe(2 * sp.pi, symmetry=MIRROR), transient=40)
-        guess = {"y": exact.start["y"], "v": exact.start["v"], "z": 0.0}
+        guess = {"y": exact.x0["y"], "v": exact.x0["v"], "z": 0.0}
         y, apart, stable = exact.solution()(times, "y"), {}, exact.success
         for eps in config.eps:
             smooth = osc.oscillator(beta=eps).smoothed(eps=eps, sigmoid=name)

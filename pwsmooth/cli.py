@@ -201,7 +201,7 @@ def sweep(
         \[axes]        parameters or states: lists, or { from, to, count } with
                       spacing = "linear" or "log"
         \[points]      lists of one length that are swept together
-        \[start]       initial values of states
+        \[x0]          initial values of states
         \[units]       of parameters and states, as words
         \[kicks]       arguments of Kicks: size, every, on, ...
     """
@@ -220,7 +220,7 @@ def sweep(
 
 @command()
 def diagram(
-    study: Annotated[Path, typer.Argument(help="TOML file: system, ranges, starts.")],
+    study: Annotated[Path, typer.Argument(help="TOML file: system, ranges, x0.")],
     out: Annotated[
         Path, typer.Option(help="Directory for the store, <STUDY>.zarr, and the picture, <STUDY>.png.")
     ] = Path("."),
@@ -234,7 +234,7 @@ def diagram(
 
     One parameter in the ranges gives a diagram, two give a bifurcation set. The file is data, as that of a sweep:
 
-        starts = \[{ y = 0.5, v = 0.3 }, { y = -1, v = 1 }]
+        x0 = \[{ y = 0.5, v = 0.3 }, { y = -1, v = 1 }]
         \[system]
         scene = "friction_oscillator"
         law = "HiddenStatic"
@@ -250,11 +250,11 @@ def diagram(
 
     Keys of the file:
         title          what the study is called
-        starts         list of tables: where trajectories start
+        x0             list of tables: where trajectories start
         values         of a parameter in the orbit diagram; transient, keep: periods
-        longest        longest orbit, in periods
-        depth, most    of branches on branches, and their number
-        points, curves points of a branch, and the number of curves
+        max_count      longest orbit, in periods
+        max_depth, max_branches   of branches on branches, and their number
+        max_points, max_curves    points of a branch, and the number of curves
         step, longest_step, shortest_step   of the arc of a branch
         virtual        whether virtual equilibria and curves are followed
         rtol, atol, method, max_steps   of solve

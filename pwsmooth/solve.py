@@ -42,7 +42,7 @@ def solve(
     strict: bool = False,
     parameters: Mapping[Any, float] | None = None,
     noise: Any = None,
-    with_respect_to: Sequence[Any] | None = None,
+    by: Sequence[Any] | None = None,
     local: bool | None = None,
     record: Recorder | None = None,
     threads: int | None = None,
@@ -96,7 +96,7 @@ def solve(
     noise : Kicks or Diffusion, optional
         Random kicks at regular times, or white noise. A diffusion has steps of its own:
         tolerances do not act on it.
-    with_respect_to : sequence of str or Symbol, optional
+    by : sequence of str or Symbol, optional
         Quantities by which the solution is differentiated, through every event: parameters, states and memories (their
         initial values), and "t0", the start of the span. The solution's `derivatives` has the results.
     local : bool, optional
@@ -132,7 +132,7 @@ def solve(
     call = checked(
         system, t_span, x0, method=method, rtol=rtol, atol=atol, t_eval=t_eval, dense_output=dense_output,
         max_step=max_step, max_steps=max_steps, max_seconds=max_seconds, order=order, strict=strict,
-        parameters=parameters, noise=noise, with_respect_to=with_respect_to, local=local, record=record,
+        parameters=parameters, noise=noise, by=by, local=local, record=record,
         threads=threads,
     )  # fmt: skip
     solution = path_for(call).run(call)

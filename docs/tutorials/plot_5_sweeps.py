@@ -39,7 +39,7 @@ block = System(
 )
 axes = {"sigma": np.linspace(1.6, 4, 33), "k": np.linspace(1.5, 5, 25)}
 study = dict(
-    start={"y": 0.78, "v": -1.03},
+    x0={"y": 0.78, "v": -1.03},
     seen=Strobe(2 * sp.pi),
     transient=40,
     periods=5,
@@ -184,7 +184,7 @@ if __name__ == "__main__":
             sweep(
                 block,
                 {"sigma": np.linspace(1.6, 4, 33), "k": np.linspace(1.5, 5, 25)},
-                start={"y": 0.78, "v": -1.03},
+                x0={"y": 0.78, "v": -1.03},
                 seen=Strobe(2 * sp.pi),
                 transient=40,
                 periods=5,

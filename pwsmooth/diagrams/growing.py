@@ -26,7 +26,7 @@ def grown(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
     try:
         bifurcation = made_bifurcation(task["bifurcation"], setting)
         curve: Any = follow_curve(
-            bifurcation, dict(task["ranges"]), virtual=task["virtual"], most=task["most"], **task["steps"]
+            bifurcation, dict(task["ranges"]), virtual=task["virtual"], max_points=task["most"], **task["steps"]
         )
     except (
         ArithmeticError,

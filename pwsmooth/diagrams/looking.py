@@ -42,17 +42,17 @@ class Looking:
 
     setting: Setting
     seen: Strobe | Return | None
-    starts: tuple[tuple[float, ...], ...]
+    x0: tuple[tuple[float, ...], ...]
     orbits: tuple[dict[str, Any], ...]
     box: Mapping[Any, Any] | None
     values: int
     transient: int
     keep: int
-    longest: int
+    max_count: int
     tol: float
-    depth: int
-    most: int
-    points: int
+    max_depth: int
+    max_branches: int
+    max_points: int
     steps: Mapping[str, float]
     options: Mapping[str, Any]
 
@@ -63,9 +63,9 @@ class Looking:
             "system": digest(s.system), "map": digest([None if s.map is None else [
                 str(getattr(s.map, "period", "")), str(getattr(s.map, "surface", "")), getattr(look, "direction", 1)]]),
             "phase": str(getattr(look, "phase", 0.0)), "symmetry": digest(s.symmetry), "virtual": str(s.virtual),
-            "starts": str(self.starts), "orbits": digest(list(self.orbits)),
-            "box": str(self.box), "sweep": str((self.values, self.transient, self.keep, self.longest, self.tol)),
-            "bounds": str((self.depth, self.most, self.points)), "steps": str(dict(self.steps)),
+            "x0": str(self.x0), "orbits": digest(list(self.orbits)),
+            "box": str(self.box), "sweep": str((self.values, self.transient, self.keep, self.max_count, self.tol)),
+            "bounds": str((self.max_depth, self.max_branches, self.max_points)), "steps": str(dict(self.steps)),
             "options": str(dict(self.options)),
         }  # fmt: skip
 
@@ -75,11 +75,11 @@ class Looking:
         self, name: str, bounds: tuple[float, float], values: Mapping[str, float], store: Path | None
     ) -> Any:
         """Where trajectories end, by a sweep; None without starts."""
-        if not self.starts:
+        if not self.x0:
             return None
         grid = np.linspace(*bounds, self.values)
-        q = np.repeat(grid, len(self.starts))
-        first = np.tile(np.array(self.starts), (len(grid), 1))
+        q = np.repeat(grid, len(self.x0))
+        first = np.tile(np.array(self.x0), (len(grid), 1))
         folder = (lambda kind: None) if store is None else (lambda kind: store / f"{name}_{kind}.zarr")
         at, cycle, outcome = self._led(name, values, q, first, self.transient, folder("ends"))
         slow = np.flatnonzero((cycle == 0) & (outcome == Outcome.FINISHED))
@@ -88,7 +88,7 @@ class Looking:
             at[slow], cycle[slow], outcome[slow] = self._led(
                 name, values, q[slow], at[slow, -1], longer, folder("slow")
             )
-        shape = len(grid), len(self.starts)
+        shape = len(grid), len(self.x0)
         return Ends(
             grid, at.reshape(*shape, *at.shape[1:]), cycle.reshape(shape), outcome.reshape(shape), self.tol
         )
@@ -106,10 +106,10 @@ class Looking:
         system = self.setting.system.with_parameters(dict(values))
         states = [s.name for s in system.model.states]
         points: dict[Any, Any] = {name: q.tolist(), **dict(zip(states, first.T.tolist()))}
-        kept = max(self.keep, self.longest)
+        kept = max(self.keep, self.max_count)
         found = sweep(
             system, points=points, seen=self.seen, transient=transient, periods=2 * kept,
-            measures=[Period(self.longest, self.tol), Points(*states, last=kept)], progress=False, store=store,
+            measures=[Period(self.max_count, self.tol), Points(*states, last=kept)], progress=False, store=store,
             **self.options,
         )  # fmt: skip
         at = np.stack([found[f"{s}_points"].values for s in states], axis=-1)
@@ -128,10 +128,10 @@ class Looking:
             bounds,
             values,
             self.steps,
-            self.most,
-            self.points,
-            self.depth,
-            self.longest,
+            self.max_branches,
+            self.max_points,
+            self.max_depth,
+            self.max_count,
             work,
             tell,
         )
@@ -153,7 +153,7 @@ class Looking:
         if ends is not None:
             search.from_ends(ends)
             explained = np.array(
-                [[search.fate(ends, i, j) for j in range(len(self.starts))] for i in range(len(ends.values))]
+                [[search.fate(ends, i, j) for j in range(len(self.x0))] for i in range(len(ends.values))]
             )
         states = tuple(s.name for s in setting.system.model.states)
         strobed = "" if setting.map is None else "period" if setting.driven else "return"
@@ -184,19 +184,19 @@ class Looking:
 
 
 def looking(
-    system: Any, starts: Any, seen: Strobe | Return | None, orbits: Sequence[Any], box: Any, values: int,
-    transient: int, keep: int, longest: int, tol: float,
-    depth: int, most: int, points: int, steps: Mapping[str, float], virtual: bool, options: Mapping[str, Any],
+    system: Any, x0: Any, seen: Strobe | Return | None, orbits: Sequence[Any], box: Any, values: int,
+    transient: int, keep: int, max_count: int, tol: float, max_depth: int, max_branches: int, max_points: int,
+    steps: Mapping[str, float], virtual: bool, options: Mapping[str, Any],
 ) -> Looking:  # fmt: skip
     """Checked arguments."""
     map_ = None if seen is None else poincare_map(system, seen, options)
-    if starts is not None and map_ is None:
+    if x0 is not None and map_ is None:
         raise ValueError(
-            "`starts` are trajectories: give `seen` too, Strobe(period) of a driven system or Return(section)."
+            "`x0` are trajectories: give `seen` too, Strobe(period) of a driven system or Return(section)."
         )
-    single = () if starts is None else (starts,)
-    given = single if starts is None or isinstance(starts, Mapping) else checks.several(starts, "`starts`")
-    rows = tuple(tuple(map(float, system.initial_state(checks.mapping(s, "`starts`")))) for s in given)
+    single = () if x0 is None else (x0,)
+    given = single if x0 is None or isinstance(x0, Mapping) else checks.several(x0, "`x0`")
+    rows = tuple(tuple(map(float, system.initial_state(checks.mapping(s, "`x0`")))) for s in given)
     G = None
     if isinstance(seen, Strobe) and seen.symmetry is not None:
         G = symmetry_matrix(system, seen.symmetry, cast(Stroboscopic, map_).forcing_period)
@@ -219,10 +219,10 @@ def looking(
             raise ValueError("`orbits` contains one of another system; give orbits of `system`.")
         kept.append(told(orbit, setting))
     if not (given or kept or box):
-        raise ValueError("nothing to begin with: give `starts`, `orbits`, or a `box` of equilibria.")
+        raise ValueError("nothing to begin with: give `x0`, `orbits`, or a `box` of equilibria.")
     return Looking(
-        setting, seen, rows, tuple(kept), box, values, transient, keep, longest, tol, depth, most, points,
-        steps, {"rtol": _RTOL, "atol": [_ATOL * u for u in unit] if unit else _ATOL, **options},
+        setting, seen, rows, tuple(kept), box, values, transient, keep, max_count, tol, max_depth, max_branches,
+        max_points, steps, {"rtol": _RTOL, "atol": [_ATOL * u for u in unit] if unit else _ATOL, **options},
     )  # fmt: skip
 
 
@@ -244,9 +244,9 @@ def _units(system: Any, rows: Sequence[Any], box: Any) -> tuple[float, ...]:
 STEPS = ("step", "longest_step", "shortest_step")
 DOOR: dict[str, Any] = dict(
     system=checks.system, seen=checks.optional(how_seen), box=checks.optional(checks.mapping),
-    values=checks.integer(2, 10**6),
-    transient=checks.integer(0), keep=checks.integer(1, 10**6), longest=checks.integer(1, 10_000), tol=checks.positive,
-    depth=checks.integer(0, 1000), most=checks.integer(1, 10**6), points=checks.integer(2, 10**6), virtual=checks.flag,
+    values=checks.integer(2, 10**6), transient=checks.integer(0), keep=checks.integer(1, 10**6),
+    max_count=checks.integer(1, 10_000), tol=checks.positive, max_depth=checks.integer(0, 1000),
+    max_branches=checks.integer(1, 10**6), max_points=checks.integer(2, 10**6), virtual=checks.flag,
     workers=checks.optional(checks.integer(1, 10_000)), store=checks.optional(checks.path),
     **dict.fromkeys(STEPS, checks.positive),
 )  # fmt: skip

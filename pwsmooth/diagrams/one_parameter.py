@@ -1,4 +1,4 @@
-"""A diagram by one call: `diagram(system, parameter, range, starts, seen)`.
+"""A diagram by one call: `diagram(system, parameter, range, x0, seen)`.
 
 Chain: looking.py, tracing.py, work.py -> **one_parameter** -> study.py.
 """
@@ -25,7 +25,7 @@ def diagram(
     system: Any,
     parameter: Any,
     range: tuple[float, float],
-    starts: Starts | None = None,
+    x0: Starts | None = None,
     seen: Strobe | Return | None = None,
     *,
     orbits: Sequence[Any] = (),
@@ -33,11 +33,11 @@ def diagram(
     values: int = 60,
     transient: int = 200,
     keep: int = 16,
-    longest: int = 8,
+    max_count: int = 8,
     tol: float = 1e-6,
-    depth: int = 6,
-    most: int = 60,
-    points: int = 500,
+    max_depth: int = 6,
+    max_branches: int = 60,
+    max_points: int = 500,
     step: float = 0.005,
     longest_step: float = 0.03,
     shortest_step: float = 1e-7,
@@ -58,7 +58,7 @@ def diagram(
         Of the system.
     range : (float, float), in the unit of the parameter
         The least and the largest value.
-    starts : mapping of state to float, or sequence of such, optional
+    x0 : mapping of state to float, or sequence of such, optional
         Where trajectories start at every value of the orbit diagram, in the units of the states.
     orbits : sequence of PeriodicOrbit or Equilibrium, any length
         More to begin with, at any value in the range.
@@ -66,7 +66,7 @@ def diagram(
         Of an autonomous system: equilibria in it are followed too, and the cycles from their Hopf points.
     values : int
         Of the parameter in the orbit diagram.
-    most, points : int
+    max_branches, max_points : int
         Largest number of branches, and of points on each.
     step, longest_step, shortest_step : float, in units of the arc
         As of `follow`.
@@ -107,8 +107,8 @@ def diagram(
     bounds = checks.interval(range, "`range`")
     steps = {"step": step, "longest_step": longest_step, "shortest_step": shortest_step}
     look = looking(
-        system, starts, seen, orbits, box, values, transient,
-        keep, longest, tol, depth, most, points, steps, virtual, options,
+        system, x0, seen, orbits, box, values, transient,
+        keep, max_count, tol, max_depth, max_branches, max_points, steps, virtual, options,
     )  # fmt: skip
     kept = None
     if store is not None:

@@ -197,7 +197,7 @@ class Diagram(Described):
 
     # ---- as data
 
-    def to_xarray(self) -> xarray.Dataset:
+    def to_dataset(self) -> xarray.Dataset:
         """Everything as a Dataset.
 
         Returns
@@ -279,9 +279,8 @@ class Diagram(Described):
             rows.append(("orbit diagram", [f"{count} values, {starts} starts; {off} ends on no branch{told}"]))
         rows.append(("lost", some(list(self.lost))))
         if self.left:
-            rows.append(
-                ("not followed", [f"{self.left} more branches, for the bounds `depth`, `most` and `longest`"])
-            )
+            bounds = "`max_depth`, `max_branches` and `max_count`"
+            rows.append(("not followed", [f"{self.left} more branches, for the bounds {bounds}"]))
         return (
             f"Diagram over {self.parameter} from {low:.9g} to {high:.9g}: {len(self.branches)} branches",
             rows,

@@ -161,7 +161,7 @@ class BifurcationSet(Described):
 
     # ---- as data
 
-    def to_xarray(self) -> xarray.Dataset:
+    def to_dataset(self) -> xarray.Dataset:
         """The curves as a Dataset.
 
         Returns

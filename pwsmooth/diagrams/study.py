@@ -43,18 +43,18 @@ class DiagramStudy(Table):
     system: SystemTable
     ranges: dict[str, Pair]
     lines: dict[str, Values] = {}
-    starts: list[dict[str, float]] = []
+    x0: list[dict[str, float]] = []
     seen: SeenTable | None = None
     box: dict[str, Pair] | None = None
     values: int = 60
     transient: int = 200
     keep: int = 16
-    longest: int = 8
+    max_count: int = 8
     tol: float = 1e-6
-    depth: int = 6
-    most: int = 60
-    points: int = 500
-    curves: int = 100
+    max_depth: int = 6
+    max_branches: int = 60
+    max_points: int = 500
+    max_curves: int = 100
     step: float | None = None
     longest_step: float | None = None
     shortest_step: float | None = None
@@ -126,7 +126,7 @@ def run_study(
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> logistic = System({x: 0 * x}, time=t, parameters={a: 3}, events=[Event(every=1, update={x: a * x * (1 - x)})])
     >>> folder = Path(tempfile.mkdtemp())
-    >>> text = "seen = {period = 1, phase = 0.5}\\nvalues = 5\\nstarts = [{ x = 0.3 }]\\nranges = { a = [2.8, 3.4] }\\n"
+    >>> text = "seen = {period = 1, phase = 0.5}\\nvalues = 5\\nx0 = [{ x = 0.3 }]\\nranges = { a = [2.8, 3.4] }\\n"
     >>> _ = (folder / "study.toml").write_text(text + "[system]\\nobject = 'logistic'\\n")
     >>> found, store = run_study(folder / "study.toml", folder, workers=1, names={"logistic": logistic})
     >>> [b.kind for b in found.bifurcations], store.name
@@ -148,24 +148,22 @@ def run_study(
 def _call_of(study: DiagramStudy, names: Names) -> tuple[Any, dict[str, Any]]:
     """`diagram` or `bifurcation_set`, and its arguments."""
     system = system_of(study.system, names)
-    seen, starts = seen_of(study.seen), study.starts or None
-    if hasattr(system, "system") and hasattr(system, "start"):  # a scene brings its own
+    seen, x0 = seen_of(study.seen), study.x0 or None
+    if hasattr(system, "system") and hasattr(system, "x0"):  # a scene brings its own
         if seen is None and getattr(system, "period", None):
             seen = Strobe(system.period)
-        own = {str(getattr(key, "name", key)): value for key, value in system.start.items()}
+        own = {str(getattr(key, "name", key)): value for key, value in system.x0.items()}
         system = system.system
         own = {s.name: own[s.name] for s in system.model.states if s.name in own}  # a view may have fewer
-        starts = [own | given for given in study.starts or [{}]]
+        x0 = [own | given for given in study.x0 or [{}]]
     call: Any = diagram if len(study.ranges) == 1 else bifurcation_set
-    given = study.model_dump(
-        exclude={"title", "system", "ranges", "lines", "starts", "seen"}, exclude_none=True
-    )
+    given = study.model_dump(exclude={"title", "system", "ranges", "lines", "x0", "seen"}, exclude_none=True)
     known = inspect.signature(call).parameters
     if idle := [n for n in given if n in study.model_fields_set and n not in (*known, *_RUNS)]:
         count = "one parameter" if call is diagram else "two parameters"
         raise StudyError(f"{idle[0]}: no key of a study of {count}; leave it out.")
     given = {name: value for name, value in given.items() if name in known or name in _RUNS}
-    given |= {"system": system, "starts": starts, "seen": seen}
+    given |= {"system": system, "x0": x0, "seen": seen}
     if call is diagram:
         ((parameter, bounds),) = study.ranges.items()
         return call, {**given, "parameter": parameter, "range": bounds}

@@ -174,7 +174,7 @@ def _one_way(
     if abs(q - to) <= 1e-12 * (abs(to) + bounds[1] - bounds[0]):  # but for a rounding in the arc
         return [_Entry(orbit, setting, name)], f"began at {name} = {q:.10g}."
     if isinstance(orbit, Equilibrium):
-        branch = follow(orbit, name, to, back=back, most=most, virtual=setting.virtual, **lengths)
+        branch = follow(orbit, name, to, back=back, max_points=most, virtual=setting.virtual, **lengths)
         return _entries_of(
             branch, [_Entry(e, setting, name) for e in branch._points], setting, name, bifurcations
         ), branch.end
@@ -188,7 +188,7 @@ def _one_way(
     def over() -> bool:
         if _COUNTED - budget.left > _STEPS * most:
             told.append(
-                f"steps are used up at {name} = {value_of(branch.orbits[-1], name):.10g}: give more `points`."
+                f"steps are used up at {name} = {value_of(branch.orbits[-1], name):.10g}: give more `max_points`."
             )
         for new in branch.orbits[len(entries) :]:
             entries.append(_Entry(new, setting, name).shifted(entries[-1]))

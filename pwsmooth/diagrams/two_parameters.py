@@ -1,4 +1,4 @@
-"""A bifurcation set by one call: `bifurcation_set(system, (p, q), ranges, starts, seen)`.
+"""A bifurcation set by one call: `bifurcation_set(system, (p, q), ranges, x0, seen)`.
 
     diagrams along lines in the plane  ->  their bifurcations  ->  the curve of each that is on none yet
 
@@ -35,13 +35,13 @@ _CURVE = {"step": 0.01, "longest_step": 0.05, "shortest_step": 1e-6}  # as of fo
     (*calls.POINTS, "max_seconds"),
     **DOOR,
     lines=checks.optional(checks.mapping),
-    curves=checks.integer(1, 10**6),
+    max_curves=checks.integer(1, 10**6),
 )
 def bifurcation_set(
     system: Any,
     parameters: tuple[Any, Any],
     ranges: Sequence[tuple[float, float]],
-    starts: Starts | None = None,
+    x0: Starts | None = None,
     seen: Strobe | Return | None = None,
     *,
     lines: Mapping[Any, Sequence[float]] | None = None,
@@ -50,12 +50,12 @@ def bifurcation_set(
     values: int = 60,
     transient: int = 200,
     keep: int = 16,
-    longest: int = 8,
+    max_count: int = 8,
     tol: float = 1e-6,
-    depth: int = 6,
-    most: int = 60,
-    points: int = 500,
-    curves: int = 100,
+    max_depth: int = 6,
+    max_branches: int = 60,
+    max_points: int = 500,
+    max_curves: int = 100,
     step: float = 0.005,
     longest_step: float = 0.03,
     shortest_step: float = 1e-7,
@@ -76,7 +76,7 @@ def bifurcation_set(
         The two.
     ranges : ((float, float), (float, float)), in the units of the parameters
         Of each the least and the largest value.
-    starts : mapping of state to float, or sequence of such, optional
+    x0 : mapping of state to float, or sequence of such, optional
         Where trajectories start at every value on the lines, in the units of the states.
     lines : mapping of (str or Symbol) to sequence of float, any length, optional
         The lines: values, in its unit, at which either parameter is held, while the other one goes over its range. By
@@ -87,9 +87,9 @@ def bifurcation_set(
         Equilibria in it are followed too, and curves of their folds, Hopf points and boundary equilibria.
     values : int
         On each line in the orbit diagram.
-    most, points : int
+    max_branches, max_points : int
         Largest number of branches on a line, and of points on each branch, and on a curve to either side.
-    curves : int
+    max_curves : int
         Largest number of curves.
     step, longest_step, shortest_step : float, in units of the arc
         Of branches, as of `follow`; curves have the steps of `follow_curve`.
@@ -139,12 +139,17 @@ def bifurcation_set(
     held = _lines(lines, names, bounds)
     steps = {"step": step, "longest_step": longest_step, "shortest_step": shortest_step}
     look = looking(
-        system, starts, seen, orbits, box, values, transient,
-        keep, longest, tol, depth, most, points, steps, virtual, options,
+        system, x0, seen, orbits, box, values, transient,
+        keep, max_count, tol, max_depth, max_branches, max_points, steps, virtual, options,
     )  # fmt: skip
     kept = None
     if store is not None:
-        about = {"parameters": str(names), "ranges": str(bounds), "lines": str(held), "curves": str(curves)}
+        about = {
+            "parameters": str(names),
+            "ranges": str(bounds),
+            "lines": str(held),
+            "max_curves": str(max_curves),
+        }
         kept = Store(store, TITLE, {**look.identity(), **about})
     with working(executor, workers) as hands, telling(progress) as tell:
         diagrams = []
@@ -154,7 +159,9 @@ def bifurcation_set(
             sweeps = None if kept is None else kept.path / SWEEPS / str(number)
             at = {**values_of(system), name: value}
             diagrams.append(look.diagram(other, bounds[names.index(other)], at, work, tell, sweeps))
-        growing = _Growing(Work(grown, look.setting, hands, kept), names, bounds, points, virtual, curves, tell)
+        growing = _Growing(
+            Work(grown, look.setting, hands, kept), names, bounds, max_points, virtual, max_curves, tell
+        )
         growing.grow(diagrams, held)
     (p, q), (first, second) = names, bounds
     found = BifurcationSet((p, q), (first, second), growing.found, diagrams, tuple(held), tuple(growing.lost))
@@ -209,7 +216,7 @@ class _Growing:
             if self.known(*start):
                 continue
             if len(self.found) >= self.most:
-                self.lost.append(f"{len(starts) - number} more bifurcations: `curves` ends the search.")
+                self.lost.append(f"{len(starts) - number} more bifurcations: `max_curves` ends the search.")
                 return
             self.work.ask(itertools.islice(self.tasks(starts[number:]), self.work.workers.ahead))
             b, *_ = start

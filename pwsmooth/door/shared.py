@@ -158,7 +158,7 @@ t_span : (float, float), in the unit of the model's time
     As of `solve`.
 x0 : mapping of state to float, or sequence of float, length n
     As of `solve`, in the units of the states.
-with_respect_to : sequence of str or Symbol
+by : sequence of str or Symbol
     As of `solve`: parameters, initial values of states and memories, "t0".
 q : array_like, shape (k,)
     Values of the quantities, in their units.
@@ -210,7 +210,7 @@ sigmoid : {"algebraic", "tanh", "erf"} or Expr
     Shape L(u) of the layer; an expression is one in u.
 """,
     "pwsmooth.sweep": """
-start : mapping of state to float, or sequence of float, length n
+x0 : mapping of state to float, or sequence of float, length n
     Initial values of the states that are not swept, in their units.
 transient, periods : int
     Of the drive, or returns: unseen, and measured.
@@ -218,8 +218,8 @@ t_span : (float, float), in the unit of the model's time
     Without a drive or a section: the span of a run.
 measure_from : float, in the unit of the model's time
     With `t_span`: where in the span measuring begins.
-budget : float, s, optional
-    Of processor time, after which no further chunk begins.
+max_seconds : float, in units of processor time, s, optional
+    After these no further chunk begins.
 setting : Setting
     Names, letters, units and periods of the sweep.
 """,
@@ -228,9 +228,9 @@ system : System
     Driven, seen by a Strobe, or autonomous, seen by a Return.
 axes : mapping of name to sequence of float, any length
     The grid: starts of states, of `basins` also values of parameters, in their units.
-start : mapping of state to float, optional
+x0 : mapping of state to float, optional
     Values of the states that are no axes, in their units; of `basins` also expressions that follow the axes: {v: -2*x}.
-longest : int
+max_count : int
     Longest orbit, in periods or returns, that counts as periodic.
 """,
     "pwsmooth.sweep.quantities": """
@@ -238,11 +238,11 @@ longest : int
     States, multipliers or outputs.
 """,
     "pwsmooth.diagrams": """
-longest : int
+max_count : int
     Longest orbit that is looked for, in periods or returns.
 tol : float, dimensionless
     How near two points of a trajectory are that count as one, relative to 1 + abs(x).
-depth : int
+max_depth : int
     Of branches on branches on branches.
 workers : int, optional
     Processes of one's own; by default all is done in this one. No value depends on it.

@@ -84,7 +84,7 @@ def _plot(
         return [
             known,
             "with style():",
-            f"    found = basins(system, {{{grid}}}, {_strobes(subject, asked)}, start={rest!r})",
+            f"    found = basins(system, {{{grid}}}, {_strobes(subject, asked)}, x0={rest!r})",
             "    ax = found.plot()",
         ]
     if view in ("phase", "characteristic"):
@@ -111,7 +111,7 @@ def figure(subject: Subject, asked: Mapping[str, Any]) -> bytes:
             low, high, count, name = _diagram(asked)
             values = np.linspace(low, high, count)
             found = orbit_diagram(
-                subject.system.with_parameters(p), name, values, x0, Strobe(seen_by(subject, asked)),
+                subject.system.with_parameters(p), name, values, x0, seen_by(subject, asked),
                 transient=100, keep=100, **method_of(subject, asked),
             )  # fmt: skip
             found.plot(ax=drawn.subplots())
@@ -120,7 +120,7 @@ def figure(subject: Subject, asked: Mapping[str, Any]) -> bytes:
             values = {n: np.linspace(a, b, count) for n, (a, b) in zip(axes, ranges)}
             rest = {n: v for n, v in x0.items() if n not in axes}
             system, seen = subject.system.with_parameters(p), seen_by(subject, asked)
-            basins(system, values, seen, start=rest, **method_of(subject, asked)).plot(ax=drawn.subplots())
+            basins(system, values, seen, x0=rest, **method_of(subject, asked)).plot(ax=drawn.subplots())
         else:
             solution = subject.solve(span, x0, p)
             if view in ("phase", "characteristic"):

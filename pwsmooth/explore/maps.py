@@ -104,7 +104,7 @@ def diagram(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
             yield head | progress.told(len(which)), _columns(which, points)
         return
     plan = make_plan(
-        system, {name: values.tolist()}, start=x0, transient=100, periods=keep,
+        system, {name: values.tolist()}, x0=x0, transient=100, periods=keep,
         measures=[Points(*states, last=keep)], seen=seen, **options,
     )  # fmt: skip
     for which, found in _paced(plan):
@@ -198,7 +198,7 @@ def basins(subject: Subject, asked: Mapping[str, Any]) -> Iterator[Answer]:
     head = {"kind": "basins", "axes": axes, "ranges": ranges, "cells": n}
     counts, progress, known = np.zeros(256, int), _Progress(n * n), np.full((n, n), _UNKNOWN)
     order = _borders_first(known)
-    for which, labels, attractors in refine_basins(system, grid, seen, start=rest, order=order, **options):
+    for which, labels, attractors in refine_basins(system, grid, seen, x0=rest, order=order, **options):
         known.flat[which] = labels
         column, row = which // n, which % n
         lowest = (column | row) & -(column | row)

@@ -203,7 +203,7 @@ def _of_scene(
     law = law or _law_of(scene.name)
     meanings = {f.name: f.metadata["meaning"] for f in fields(law)} if law else {}
     system = scene.system
-    start = dict(zip(map(str, system.states), system.initial_state(scene.start)))
+    start = dict(zip(map(str, system.states), system.initial_state(scene.x0)))
     period = None if scene.period is None else symbolic_period(system, scene.period)
     return Subject(
         scene.name, system, start, scene.t_span, period, dict(scene.units), dict(scene.atol), meanings, scene.note,
@@ -337,9 +337,9 @@ def subject_of_study(path: Path, *, allow_code: bool = False) -> Subject:
             raise StudyError(f"{path}: give `t_span`, or `period` in [seen]: how long is a run to be?")
         period = None if given is None else checks.period(given, made.parameters)
         span = study.t_span or (0.0, 20 * float(sp.sympify(period, strict=True).subs(made.parameters)))
-        start = made.initial_state(study.start)
+        start = made.initial_state(study.x0)
         subject = Subject(
             path.stem, made, dict(zip(map(str, made.states), start)), span, period, dict(study.units), code=code,
             alone=True,
         )  # fmt: skip
-    return replace(subject, start={**subject.start, **study.start}) if study.start else subject
+    return replace(subject, start={**subject.start, **study.x0}) if study.x0 else subject

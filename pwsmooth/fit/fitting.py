@@ -38,7 +38,7 @@ _ROUNDS, _SETTLED = 10, 0.01  # of the estimation of noise levels: at most so ma
 def fit(
     system: Any,
     records: Record | Sequence[Record],
-    parameters: Sequence[Any] | Mapping[Any, float],
+    by: Sequence[Any] | Mapping[Any, float],
     *,
     bounds: Mapping[Any, tuple[float, float]] | None = None,
     priors: Mapping[Any, tuple[float, float]] | None = None,
@@ -57,7 +57,7 @@ def fit(
         Free, forced or controlled; not smoothed.
     records : Record or sequence of Record
         What was measured.
-    parameters : sequence of (str or Symbol), or mapping of them to float
+    by : sequence of (str or Symbol), or mapping of them to float
         What is fitted, with first guesses in their units; a name of a family stands for all its elements. Without
         guesses they begin at the system's values.
     bounds : mapping of (str or Symbol) to (float, float), in units of the parameters, optional
@@ -105,7 +105,7 @@ def fit(
     >>> block = System({x: v, v: -k * x - F * sp.sign(v)}, parameters={F: 0.3, k: 2.0})
     >>> t = np.linspace(0, 8, 60)
     >>> data = solve(block.with_parameters({F: 0.5, k: 1.5}), (0, 8), {x: 3, v: 0.4}, t_eval=t)["x"]
-    >>> found = fit(block, Record(t, {"x": data}, unknown=["v"], start={"x": 3, "v": 0}), ["F", "k"])
+    >>> found = fit(block, Record(t, {"x": data}, unknown=["v"], x0={"x": 3, "v": 0}), ["F", "k"])
     >>> f"{found.values['F']:.6f} {found.values['k']:.6f} {found.starts[0]['v']:.6f}"
     '0.500000 1.500000 0.400000'
     """
@@ -113,7 +113,7 @@ def fit(
     if not given:
         raise ValueError("`records` is empty; give at least one Record.")
     own = checks.system(system.system if isinstance(system, Scene) else system, "`system`")
-    guesses = _guesses(own, parameters)
+    guesses = _guesses(own, by)
     limits = {
         name: checks.interval(pair, f"`bounds` of {name}")
         for name, pair in _spread(own, bounds, "bounds", guesses)
@@ -171,22 +171,22 @@ def fit(
     return Fit(own, problem, found, len(guesses), problem.levels, fixed, cost, dict(most=max_runs))
 
 
-def _guesses(system: Any, parameters: Any) -> dict[str, float]:
+def _guesses(system: Any, by: Any) -> dict[str, float]:
     """Fitted parameters by name, those of a family each, with their first guesses."""
-    if not isinstance(parameters, Mapping):
-        listed = [str(checks.named(name)) for name in checks.several(parameters, "`parameters`")]
+    if not isinstance(by, Mapping):
+        listed = [str(checks.named(name)) for name in checks.several(by, "`by`")]
         values = {p.name: value for p, value in system.parameters.items()}
         listed = [member for name in listed for member in system.groups.get(name, (name,))]
         if missing := [name for name in listed if name not in values]:
             raise ValueError(
-                f"`parameters` names {', '.join(missing)}; parameters of the system are {', '.join(values)}."
+                f"`by` names {', '.join(missing)}; parameters of the system are {', '.join(values)}."
             )
-        parameters = {name: values[name] for name in listed}
-    changed = system.with_parameters(parameters)
-    wanted = [str(checks.named(key)) for key in parameters]
+        by = {name: values[name] for name in listed}
+    changed = system.with_parameters(by)
+    wanted = [str(checks.named(key)) for key in by]
     members = [member for name in wanted for member in system.groups.get(name, (name,))]
     if not members:
-        raise ValueError("`parameters` is empty; name at least one parameter to fit.")
+        raise ValueError("`by` is empty; name at least one parameter to fit.")
     values = {p.name: value for p, value in changed.parameters.items()}
     return {name: values[name] for name in members}
 
@@ -197,9 +197,7 @@ def _spread(system: Any, wanted: Any, what: str, names: Mapping[str, float]) -> 
         name = str(checks.named(key))
         for member in system.groups.get(name, (name,)):
             if member not in names:
-                raise ValueError(
-                    f"`{what}` names {name!r}, which is not fitted; `parameters` has {', '.join(names)}."
-                )
+                raise ValueError(f"`{what}` names {name!r}, which is not fitted; `by` has {', '.join(names)}.")
             yield member, value
 
 

@@ -26,7 +26,7 @@ __all__ = ["fit_law"]
 @checks.door(
     [*inspect.signature(fit).parameters][3:],
     law=checks.instance(Law, "a friction or contact law"), t=checks.numbers, motion=checks.numbers,
-    kind=checks.one_of("position", "velocity"), free=checks.optional(checks.several), settle=checks.nonnegative,
+    kind=checks.one_of("position", "velocity"), by=checks.optional(checks.several), settle=checks.nonnegative,
     force=measured,
 )  # fmt: skip
 def fit_law(
@@ -36,7 +36,7 @@ def fit_law(
     force: Any,
     *,
     kind: str = "position",
-    free: Sequence[str] | None = None,
+    by: Sequence[str] | None = None,
     settle: float = 0.0,
     noise: float | None = None,
     rtol: float = 1e-8,
@@ -57,7 +57,7 @@ def fit_law(
         Friction force there, in units of the law; nan where it is missing.
     kind : {"position", "velocity"}
         What `motion` is.
-    free : sequence of str, optional
+    by : sequence of str, optional
         Parameters to fit; all that are not structural and not 0 without. One with a value for each element counts as
         many.
     settle : float, in the unit of `t`
@@ -75,7 +75,7 @@ def fit_law(
     Raises
     ------
     ValueError
-        Arrays of different lengths, an unknown name in `free`; as `fit`.
+        Arrays of different lengths, an unknown name in `by`; as `fit`.
 
     >>> times = np.linspace(0, 3, 61)
     >>> x = 3e-5 * np.sin(4 * times)
@@ -91,7 +91,7 @@ def fit_law(
         )
     scene = prescribed_motion(law, **{kind: Drive(t, motion)})
     used = np.where(t >= t[0] + settle, force, np.nan)
-    found = fit(scene, Record(t, {"force": used}, noise=noise), _free(law, free), rtol=rtol, **options)
+    found = fit(scene, Record(t, {"force": used}, noise=noise), _free(law, by), rtol=rtol, **options)
     message = found.message
     if found.message.startswith("The drive "):
         message = "`motion`" + message[message.index(" has noise") :].replace("the drive", "it")
@@ -107,7 +107,7 @@ def _free(law: Law, names: Sequence[str] | None) -> list[str]:
     for name in names:
         if name not in fitted:
             raise ValueError(
-                f"`free` names {checks.shown(name)}; parameters of {type(law).__name__} are {', '.join(fitted)}."
+                f"`by` names {checks.shown(name)}; parameters of {type(law).__name__} are {', '.join(fitted)}."
             )
     return list(names)
 

@@ -46,11 +46,11 @@ class Record(Described):
         Samples of states, multipliers or outputs by name, in their units; nan where one is missing.
     noise : float or mapping of str to float, optional
         Standard deviation of the samples, in their units; without, it is estimated from what remains.
-    start : mapping of state to float, optional
+    x0 : mapping of state to float, optional
         State at the time `begin`, in its units; without, that of the scene, or for unknown ones that are measured the
         first sample.
     unknown : sequence of str
-        States whose initial value is fitted; `start` has the first guess.
+        States whose initial value is fitted; `x0` has the first guess.
     parameters : mapping of (Symbol or str) to float, optional
         Values that differ in this experiment from those of the system, in its units.
     begin : float, in the unit of the model's time, optional
@@ -64,17 +64,17 @@ class Record(Described):
         Times that do not increase, columns of another length, a noise that is not positive, a `begin` after the first
         sample.
 
-    >>> Record([0.0, 0.5, 1.0], {"x": [0.1, np.nan, 0.3]}, noise=0.01, unknown=["v"], start={"v": 0.0})
+    >>> Record([0.0, 0.5, 1.0], {"x": [0.1, np.nan, 0.3]}, noise=0.01, unknown=["v"], x0={"v": 0.0})
     Record: 2 samples over 0 to 1
       samples 2 of x, noise 0.01
-      start   v = 0
+      x0      v = 0
       unknown v
     """
 
     t: Any
     values: Mapping[str, Any]
     noise: Any = None
-    start: Mapping[Any, float] = field(default_factory=dict)
+    x0: Mapping[Any, float] = field(default_factory=dict)
     unknown: Sequence[str] = ()
     parameters: Mapping[Any, float] = field(default_factory=dict)
     begin: float | None = None
@@ -82,7 +82,7 @@ class Record(Described):
 
     def __post_init__(self) -> None:
         checks.fields(
-            self, t=checks.numbers, values=checks.mapping, start=checks.values, unknown=checks.several,
+            self, t=checks.numbers, values=checks.mapping, x0=checks.values, unknown=checks.several,
             parameters=checks.values, begin=checks.optional(checks.number),
         )  # fmt: skip
         if not (np.diff(self.t) > 0).all():
@@ -124,7 +124,7 @@ class Record(Described):
 
     @classmethod
     def from_csv(
-        cls, path: Any, values: Mapping[Any, Any], *, time: Any = 0, noise: Any = None, start: Any = None,
+        cls, path: Any, values: Mapping[Any, Any], *, time: Any = 0, noise: Any = None, x0: Any = None,
         unknown: Sequence[str] = (), parameters: Any = None, begin: float | None = None, system: Any = None,
     ) -> Record:  # fmt: skip
         """A record from a text file with commas, semicolons, tabs or spaces between its columns.
@@ -138,7 +138,7 @@ class Record(Described):
             State, multiplier or output -> its column, counted from 0, or by its name in the header.
         time : int or str
             Column of the times.
-        noise, start, unknown, parameters, begin, system : optional
+        noise, x0, unknown, parameters, begin, system : optional
             As of `Record`.
 
         Returns
@@ -163,7 +163,7 @@ class Record(Described):
         columns = checks.mapping(values, "`values`", "names to columns")
         times, *found = read_columns(path, [time, *columns.values()], gaps=True)
         return cls(
-            times, dict(zip(columns, found)), noise, start or {}, unknown, parameters or {}, begin, system
+            times, dict(zip(columns, found)), noise, x0 or {}, unknown, parameters or {}, begin, system
         )  # fmt: skip
 
     @property
@@ -179,7 +179,7 @@ class Record(Described):
         ]
         return f"Record: {self.samples} samples over {self.t[0]:g} to {self.t[-1]:g}", {
             "samples": told,
-            "start": values(self.start, self.start.values()),
+            "x0": values(self.x0, self.x0.values()),
             "unknown": listed(list(self.unknown)),
             "parameters": values(self.parameters, self.parameters.values()),
         }.items()

@@ -87,7 +87,7 @@ class Fit(Described):
     >>> sliding = System({v: -F * sp.sign(v)}, parameters={F: 0.3})
     >>> t = np.linspace(0, 3, 31)
     >>> noise = 0.01 * np.random.default_rng(1).normal(size=t.size)
-    >>> found = fit(sliding, Record(t, {"v": np.fmax(1 - 0.5 * t, 0) + noise}, start={"v": 1}), ["F"])
+    >>> found = fit(sliding, Record(t, {"v": np.fmax(1 - 0.5 * t, 0) + noise}, x0={"v": 1}), ["F"])
     >>> bool(abs(found.values["F"] - 0.5) < 3 * found.errors["F"]), found.samples, found.quantities
     (True, 31, 2)
     """

@@ -106,15 +106,15 @@ class Experiment:
                     raise ValueError(f"`{what}` of a Record names {name!r}; the system has {', '.join(owner)}.")
 
     def _start(self) -> np.ndarray:
-        known: dict[str, float] = {} if self.scene is None else {str(k): v for k, v in self.scene.start.items()}
+        known: dict[str, float] = {} if self.scene is None else {str(k): v for k, v in self.scene.x0.items()}
         for name in self.record.unknown:
             if name in self.names:
                 row = self.names.index(name)
                 known[name] = float(self.data[row, self.there[row]][0])
-        known |= self.record.start
+        known |= self.record.x0
         if missing := [name for name in self.record.unknown if name not in known]:
             raise ValueError(
-                f"`unknown` names {', '.join(missing)}, neither measured nor in `start`; give `start` a first guess."
+                f"`unknown` names {', '.join(missing)}, neither measured nor in `x0`; give `x0` a first guess."
             )
         return np.array(self.system.initial_state(known, self.begin), float)
 
@@ -214,9 +214,7 @@ class Experiment:
         """The run from a to b, with columns at these times and at b."""
         given = self.parameters | {name: values[name] for name in self.free}
         every = times if len(times) and times[-1] == b else np.append(times, b)
-        return self._run(
-            (a, b), list(x), parameters=given, t_eval=every, with_respect_to=[*self.free, *by] or None
-        )
+        return self._run((a, b), list(x), parameters=given, t_eval=every, by=[*self.free, *by] or None)
 
     def plain(self, x: np.ndarray, values: Mapping[str, float]) -> Solution:
         """The run along the whole record, without anything for derivatives."""

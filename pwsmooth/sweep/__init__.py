@@ -69,7 +69,7 @@ def sweep(
     axes: Mapping[Any, Sequence[float]] | None = None,
     *,
     points: Mapping[Any, Sequence[float]] | None = None,
-    start: Mapping[Any, float] | Sequence[float] | None = None,
+    x0: Mapping[Any, float] | Sequence[float] | None = None,
     measures: Any = ("sticks", "itinerary", "period"),
     seen: Strobe | Return | None = None,
     transient: int = 100,
@@ -148,7 +148,7 @@ def sweep(
     >>> k, sigma = sp.symbols("k sigma", positive=True)
     >>> lam = Switch("lam", v)
     >>> block = System({y: v, v: -sigma*sp.sin(t) - k*y - v/10 - lam}, time=t, parameters={k: 3.1, sigma: 2.4})
-    >>> found = sweep(block, {"sigma": [1.2, 2.4]}, start={"y": 0.5, "v": 0.3}, seen=Strobe(2*sp.pi),
+    >>> found = sweep(block, {"sigma": [1.2, 2.4]}, x0={"y": 0.5, "v": 0.3}, seen=Strobe(2*sp.pi),
     ...               measures=["itinerary", "amplitude(y)"], units={"y": "m"})
     >>> found.itinerary.values.tolist()
     ['S R S L', 'R L']
@@ -158,7 +158,7 @@ def sweep(
     >>> x, u = sp.symbols("x u", real=True)
     >>> mu = sp.Symbol("mu", positive=True)
     >>> pol = System({x: u, u: mu*(1 - x**2)*u - x}, parameters={mu: 1})
-    >>> found = sweep(pol, {"mu": [0.1, 1.0]}, start={"x": 1, "u": 0}, seen=Return(u, -1),
+    >>> found = sweep(pol, {"mu": [0.1, 1.0]}, x0={"x": 1, "u": 0}, seen=Return(u, -1),
     ...               measures=["period", "amplitude(x)"])
     >>> found.period_time.values.round(5).tolist()
     [6.28711, 6.66329]
@@ -180,7 +180,7 @@ def sweep(
             "ProcessPoolExecutor() or a Dask client's `get_executor()`."
         )
     planned = make_plan(
-        system, axes, points=points, start=start, measures=measures, seen=seen, transient=transient, periods=periods,
+        system, axes, points=points, x0=x0, measures=measures, seen=seen, transient=transient, periods=periods,
         t_span=t_span, measure_from=measure_from, units=units, noise=noise, **options,
     )  # fmt: skip
     plan, where = planned.plan, planned.where

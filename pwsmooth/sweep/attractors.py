@@ -126,14 +126,14 @@ class Attractors:
     """Those found so far. At whatever phase a trajectory meets one, it has the points in common with it."""
 
     map: Any  # of one period or return
-    longest: int
+    max_count: int
     tol: float
     found: list[_Attractor] = field(default_factory=list)
 
     @property
     def window(self) -> int:
         """Points of a trajectory that is led on."""
-        return max(_WINDOW, 2 * self.longest, 4 * (len(self.map.system.model.states) + 3))
+        return max(_WINDOW, 2 * self.max_count, 4 * (len(self.map.system.model.states) + 3))
 
     def label(
         self, ends: Ends, transient: int, lead_on: Callable[[np.ndarray, int], Ends]
@@ -155,7 +155,7 @@ class Attractors:
             waiting, ends = waiting[still], ends.only(still)
             if k > 0:
                 names = [s.name for s in self.map.system.model.states]
-                reasons[waiting] = [running(x, self.longest, names, self.map.unit) for x in ends.points]
+                reasons[waiting] = [running(x, self.max_count, names, self.map.unit) for x in ends.points]
                 still = reasons[waiting] == ""
                 waiting, ends = waiting[still], ends.only(still)
                 for i, (label, reason) in zip(waiting, self._drawn_in(ends)):
@@ -222,7 +222,7 @@ class Attractors:
         for points in ends.points:
             drawing = next((known for known in self.found if known.draws_in(points, self.tol)), None)
             reason = ""
-            for count, guess in () if drawing is not None else _centres(points, self.longest):
+            for count, guess in () if drawing is not None else _centres(points, self.max_count):
                 beside = [
                     (new, why)
                     for n, x, new, why in tried
@@ -267,10 +267,10 @@ class Attractors:
         return None, f"unsettled: it is at an orbit that has a multiplier of size {size:.9g}."
 
 
-def _centres(points: np.ndarray, longest: int) -> Iterator[tuple[int, np.ndarray]]:
+def _centres(points: np.ndarray, max_count: int) -> Iterator[tuple[int, np.ndarray]]:
     """(count, fixed point) of the affine maps that every count-th of a trajectory's last points (number, n) obeys."""
     least = points.shape[1] + 3
-    for count in range(1, longest + 1):
+    for count in range(1, max_count + 1):
         some = points[::-count][: max(len(points) // 2, least)][::-1]
         if len(some) < least:
             return
@@ -283,9 +283,9 @@ def _centres(points: np.ndarray, longest: int) -> Iterator[tuple[int, np.ndarray
             yield count, middle + np.linalg.lstsq(slope, fitted[-1], rcond=1e-9)[0]
 
 
-def running(x: np.ndarray, longest: int, states: list[str], unit: np.ndarray) -> str:
+def running(x: np.ndarray, max_count: int, states: list[str], unit: np.ndarray) -> str:
     """The name of a running motion of these points; empty for others."""
-    for count in range(1, min(longest, len(x) // 3) + 1):
+    for count in range(1, min(max_count, len(x) // 3) + 1):
         on = x[count:] - x[:-count]
         step = on[-1]
         even = np.abs(on[-count - 1 :] - step).max(axis=0) <= _EVEN * (unit + np.abs(step))

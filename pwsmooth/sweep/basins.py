@@ -118,8 +118,8 @@ class Basins(Described):
 
 @checks.door(
     calls.SWEEPS,
-    system=checks.system, axes=checks.mapping, start=checks.optional(checks.mapping), tol=checks.positive,
-    transient=checks.integer(0), longest=checks.integer(1, 10_000), seen=how_seen,
+    system=checks.system, axes=checks.mapping, x0=checks.optional(checks.mapping), tol=checks.positive,
+    transient=checks.integer(0), max_count=checks.integer(1, 10_000), seen=how_seen,
 )  # fmt: skip
 @whole
 def basins(
@@ -127,9 +127,9 @@ def basins(
     axes: Mapping[Any, Sequence[float]],
     seen: Strobe | Return,
     *,
-    start: Mapping[Any, float] | None = None,
+    x0: Mapping[Any, float] | None = None,
     transient: int = 200,
-    longest: int = 8,
+    max_count: int = 8,
     tol: float = 1e-5,
     **options: Any,
 ) -> Basins:
@@ -174,7 +174,7 @@ def basins(
     >>> r2 = x**2 + y**2
     >>> growth = (1 - r2) * (4 - r2) * (9 - r2) / 20
     >>> circles = System({x: growth * x - y, y: growth * y + x})
-    >>> found = basins(circles, {x: [0.5, 1.9, 2.1]}, start={y: 0}, seen=Return(y), transient=20)
+    >>> found = basins(circles, {x: [0.5, 1.9, 2.1]}, x0={y: 0}, seen=Return(y), transient=20)
     >>> [f"{sp.Float(found.attractors[k].x[0], 4)}" for k in found.labels]
     ['1.000', '1.000', '3.000']
     """
@@ -185,7 +185,7 @@ def basins(
         )
     columns, moved = where.columns(0, where.size), {s.name for s in system.states}
     starts = {name: column for name, column in columns.items() if name in moved}
-    fixed = {str(key): value for key, value in (start or {}).items()}
+    fixed = {str(key): value for key, value in (x0 or {}).items()}
     for name in [name for name, value in fixed.items() if getattr(value, "free_symbols", None)]:
         starts[name] = _following(fixed.pop(name), name, columns)
     labels = np.full(where.size, UNSETTLED)
@@ -202,13 +202,13 @@ def basins(
             [columns[name] == value for name, value in zip(values, one)] or [labels == UNSETTLED], axis=0
         )
         at_value = system.with_parameters(dict(zip(values, map(float, one)))) if values else system
-        search = _Search(at_value, seen, longest, tol, options)
+        search = _Search(at_value, seen, max_count, tol, options)
         grid = (axes, {}) if not values and len(starts) == len(columns) else (
             None, {"points": {name: column[here] for name, column in starts.items()}}
         )  # fmt: skip
         begun = _starts(at_value, fixed, {name: column[here] for name, column in starts.items()})
         search.take_units(begun)
-        first = search.ends(grid[0], 2 * longest, 2 * longest + 1, start=fixed, transient=transient, **grid[1])
+        first = search.ends(grid[0], 2 * max_count, 2 * max_count + 1, x0=fixed, transient=transient, **grid[1])
         own, reasons[here], left = search.attractors.label(first, transient, search.lead_on)
         kinds[here] = search.kinds(own, reasons[here], left, begun)
         orbits, own = search.attractors.by_size(own)
@@ -240,7 +240,7 @@ def _following(value: Any, name: str, columns: Mapping[str, np.ndarray]) -> np.n
     known = {str(s): s for s in value.free_symbols}
     if strangers := sorted(known.keys() - columns.keys()):
         raise ValueError(
-            f"`start` of {name!r} is {value}, in which {strangers[0]!r} has no axis; write it with "
+            f"`x0` of {name!r} is {value}, in which {strangers[0]!r} has no axis; write it with "
             f"{checks.listing(columns)}."
         )
     symbols = tuple(known.values())
@@ -252,12 +252,12 @@ class _Search:
     """Runs of the Poincare map of one system, and the attractors that they have led to."""
 
     def __init__(
-        self, system: Any, seen: Strobe | Return, longest: int, tol: float, options: Mapping[str, Any]
+        self, system: Any, seen: Strobe | Return, max_count: int, tol: float, options: Mapping[str, Any]
     ) -> None:
         base = poincare_map(system, seen, {})
-        self.system, self.seen, self.longest, self.options = system, seen, longest, dict(options)
+        self.system, self.seen, self.max_count, self.options = system, seen, max_count, dict(options)
         self.names = [s.name for s in system.model.states]
-        self.attractors = Attractors(base, longest, tol)
+        self.attractors = Attractors(base, max_count, tol)
 
     def take_units(self, starts: np.ndarray) -> None:
         """Take the units of the states from what the map makes of some starts (number, n)."""
@@ -271,7 +271,7 @@ class _Search:
             self.options = {**self.options, "atol": [_ATOL * unit for unit in scale.unit]}
 
     def measures(self, kept: int) -> list[Any]:
-        return [Period(self.longest, self.attractors.tol), Points(*self.names, last=kept)]
+        return [Period(self.max_count, self.attractors.tol), Points(*self.names, last=kept)]
 
     def ends(self, grid: Any, seen: int, kept: int, **more: Any) -> Ends:
         from . import sweep
@@ -288,7 +288,7 @@ class _Search:
         cycle, outcome = (values[name].reshape(-1) for name in ("period", "outcome"))
         if self.attractors.map.scale is not None:
             # What the runs count as a repetition is one in states of size 1.
-            detector, unit = Period(self.longest, self.attractors.tol), self.attractors.map.unit
+            detector, unit = Period(self.max_count, self.attractors.tol), self.attractors.map.unit
             cycle = np.where(cycle < 0, cycle, [detector.find(x, unit) for x in points])
         return Ends(points, cycle, outcome)
 
@@ -321,20 +321,20 @@ class _Search:
 
 @checks.door(
     calls.POINTS,
-    system=checks.system, axes=checks.mapping, start=checks.optional(checks.mapping), tol=checks.positive,
-    transient=checks.integer(0), longest=checks.integer(1, 10_000), seen=how_seen,
+    system=checks.system, axes=checks.mapping, x0=checks.optional(checks.mapping), tol=checks.positive,
+    transient=checks.integer(0), max_count=checks.integer(1, 10_000), seen=how_seen,
 )  # fmt: skip
 def refine_basins(
     system: Any,
     axes: Mapping[Any, Sequence[float]],
     seen: Strobe | Return,
     *,
-    start: Mapping[Any, float] | None = None,
+    x0: Mapping[Any, float] | None = None,
     transient: int = 200,
-    longest: int = 8,
+    max_count: int = 8,
     tol: float = 1e-5,
     order: Iterable[int] | None = None,
-    budget: float | None = None,
+    max_seconds: float | None = None,
     **options: Any,
 ) -> Iterator[tuple[np.ndarray, np.ndarray, list[PeriodicOrbit]]]:
     """Find basins chunk by chunk, the coarse picture first, for as long as it is wanted.
@@ -374,10 +374,10 @@ def refine_basins(
     ...     break
     40 [-1.0, 1.0]
     """
-    search = _Search(system, seen, longest, tol, options)
+    search = _Search(system, seen, max_count, tol, options)
     plan = functools.partial(
-        make_plan, system, axes, start=start, seen=seen, transient=transient, periods=2 * longest,
-        measures=search.measures(2 * longest + 1),
+        make_plan, system, axes, x0=x0, seen=seen, transient=transient, periods=2 * max_count,
+        measures=search.measures(2 * max_count + 1),
     )  # fmt: skip
     planned = plan(**options)
     if strangers := [name for name, kind in planned.where.kinds.items() if kind != "state"]:
@@ -386,7 +386,7 @@ def refine_basins(
     search.take_units(_starts(system, dict(zip(search.names, planned.plan.start)), columns))
     if search.options != options:
         planned = plan(**search.options)
-    numbers, most = ordered(planned, order), checks.optional(checks.positive)(budget, "`budget`")
+    numbers, most = ordered(planned, order), checks.optional(checks.positive)(max_seconds, "`max_seconds`")
     return in_chunks(functools.partial(_arrivals, search, planned), numbers, most)
 
 
@@ -591,7 +591,7 @@ class OrbitDiagram(Described):
 
 @checks.door(
     calls.SWEEPS,
-    system=checks.system, values=checks.numbers, start=checks.mapping, transient=checks.integer(0),
+    system=checks.system, values=checks.numbers, x0=checks.mapping, transient=checks.integer(0),
     keep=checks.integer(1, 10**7), carry=checks.flag, seen=how_seen,
 )  # fmt: skip
 @whole
@@ -599,7 +599,7 @@ def orbit_diagram(
     system: Any,
     parameter: Any,
     values: Sequence[float],
-    start: Mapping[Any, float],
+    x0: Mapping[Any, float],
     seen: Strobe | Return,
     *,
     transient: int = 200,
@@ -615,7 +615,7 @@ def orbit_diagram(
         Of the system.
     values : sequence of float, any length
         In the unit of the parameter.
-    start : mapping of state to float
+    x0 : mapping of state to float
         Of every run or, with `carry`, of the first one, in the units of the states.
     carry : bool
         Begin each run where the one before ended: follows an attractor and shows hysteresis when the values come
@@ -659,13 +659,13 @@ def orbit_diagram(
         from . import Points, sweep
 
         found = sweep(
-            system, {name: at_values.tolist()}, start=start, seen=seen, transient=transient, periods=keep,
+            system, {name: at_values.tolist()}, x0=x0, seen=seen, transient=transient, periods=keep,
             measures=[Points(*states, last=keep)], **{"progress": False, **options},
         )  # fmt: skip
         points = np.stack([found[f"{s}_points"].values for s in states], axis=-1)
         reasons = [why_not(outcome) for outcome in found["outcome"].values.tolist()]
         return OrbitDiagram(name, at_values, states, points, tuple(reasons), strobed_by, system)
-    at = np.array(system.initial_state(start), float)
+    at = np.array(system.initial_state(x0), float)
     points, reasons = np.full((len(at_values), keep, len(states)), np.nan), list[str]()
     for k, value in enumerate(at_values):
         step = base.with_parameters({name: value})

@@ -86,7 +86,7 @@ class Measure:
     ...         return {"first": float(solution.event_times("crossing")[0])}
     >>> x, c = sp.symbols("x c", real=True)
     >>> ramp = System({x: c + sp.Heaviside(x)}, parameters={c: 1})
-    >>> found = sweep(ramp, {"c": [0.5, 1.0]}, start={"x": -1}, t_span=(0, 3), measures=[FirstCrossing()])
+    >>> found = sweep(ramp, {"c": [0.5, 1.0]}, x0={"x": -1}, t_span=(0, 3), measures=[FirstCrossing()])
     >>> found["first"].values.round(12).tolist()
     [2.0, 1.0]
     """

@@ -36,7 +36,7 @@ class Function(Measure):
 
     >>> x, k = sp.symbols("x k", nonnegative=True)
     >>> last = Function(lambda solution: solution["x"][-1], names="last", units={"last": "m"})
-    >>> found = sweep(System({x: -k * x}, parameters={k: 1}), {"k": [0.0, 1.0]}, start={"x": 1}, t_span=(0, 1),
+    >>> found = sweep(System({x: -k * x}, parameters={k: 1}), {"k": [0.0, 1.0]}, x0={"x": 1}, t_span=(0, 1),
     ...               measures=[last])
     >>> found["last"].values.round(6).tolist()
     [1.0, 0.367879]
@@ -109,7 +109,7 @@ class Cost(Measure):
 
     >>> x = sp.Symbol("x", real=True)
     >>> k = sp.Symbol("k", positive=True)
-    >>> found = sweep(System({x: -k * x}, parameters={k: 1}), {"k": [1.0, 2.0]}, start={"x": 1}, t_span=(0, 1),
+    >>> found = sweep(System({x: -k * x}, parameters={k: 1}), {"k": [1.0, 2.0]}, x0={"x": 1}, t_span=(0, 1),
     ...               measures=[Cost("effort", final(x) + k * integral(x))])
     >>> found["effort"].values.round(9).tolist()
     [1.0, 1.0]
@@ -158,7 +158,7 @@ class Lyapunov(Measure):
     Source: as `largest_exponent` of `pwsmooth.analysis`.
 
     >>> x, k = sp.symbols("x k", positive=True)
-    >>> found = sweep(System({x: -k * x}, parameters={k: 1}), {"k": [0.5, 1.0]}, start={"x": 1}, t_span=(0, 20),
+    >>> found = sweep(System({x: -k * x}, parameters={k: 1}), {"k": [0.5, 1.0]}, x0={"x": 1}, t_span=(0, 20),
     ...               measures=[Lyapunov()])
     >>> found["lyapunov"].values.round(6).tolist()
     [-0.5, -1.0]

@@ -46,7 +46,7 @@ class Sticks(Measure):
     >>> t, y, v = sp.symbols("t y v", real=True)
     >>> sigma = sp.Symbol("sigma", positive=True)
     >>> block = System({y: v, v: -sigma * sp.sin(t) - 3 * y - sp.sign(v)}, time=t, parameters={sigma: 1})
-    >>> found = sweep(block, {"sigma": [1.2]}, start={"y": 0.5, "v": 0.3}, seen=Strobe(2 * sp.pi), measures=["sticks"])
+    >>> found = sweep(block, {"sigma": [1.2]}, x0={"y": 0.5, "v": 0.3}, seen=Strobe(2 * sp.pi), measures=["sticks"])
     >>> found["sticks"].values.tolist()
     [2.0]
     """
@@ -152,7 +152,7 @@ class Counts(Measure):
 
     >>> x, v = sp.symbols("x v", real=True)
     >>> block = System({x: v, v: -x - sp.sign(v)})
-    >>> found = sweep(block, {"x": [1.5, 3.5]}, start={"v": 0}, t_span=(0, 10), measures=["counts"])
+    >>> found = sweep(block, {"x": [1.5, 3.5]}, x0={"v": 0}, t_span=(0, 10), measures=["counts"])
     >>> found["events"].values.tolist()
     [1, 2]
     """

@@ -75,7 +75,7 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
             section=ne - 1 if section else -1,
             transient=plan.transient,
             longest_return=plan.seen.longest if section else 0.0,
-            longest=setting.period_detector.longest if setting.strobed_by else 0,
+            longest=setting.period_detector.max_count if setting.strobed_by else 0,
             period_tol=setting.period_detector.tol,
             stop=gone,
             p=p,

@@ -26,7 +26,7 @@ class Period(Measure):
 
     Parameters
     ----------
-    longest : int
+    max_count : int
         Largest number of periods or returns that is looked for.
     tol : float, dimensionless
         How nearly the state must repeat.
@@ -36,17 +36,17 @@ class Period(Measure):
     >>> t, x, c = sp.symbols("t x c", real=True)
     >>> jump = Event(sp.sin(2 * sp.pi * t - 1), direction=1, update={x: c * x * (1 - x)})
     >>> logistic = System({x: 0 * x}, time=t, parameters={c: 3}, events=[jump])
-    >>> found = sweep(logistic, {"c": [2.5, 3.2, 3.5, 3.9]}, start={"x": 0.3}, seen=Strobe(1), transient=500,
-    ...               measures=[Period(longest=8)])
+    >>> found = sweep(logistic, {"c": [2.5, 3.2, 3.5, 3.9]}, x0={"x": 0.3}, seen=Strobe(1), transient=500,
+    ...               measures=[Period(max_count=8)])
     >>> found["period"].values.tolist()
     [1, 2, 4, 0]
     """
 
-    longest: int = 8
+    max_count: int = 8
     tol: float = 1e-6
 
     def __post_init__(self) -> None:
-        checks.fields(self, longest=checks.integer(1), tol=checks.positive)
+        checks.fields(self, max_count=checks.integer(1), tol=checks.positive)
 
     def variables(self, setting):
         if setting.strobed_by != "return":
@@ -88,7 +88,7 @@ class Period(Measure):
             In strobes, 0 for none.
         """
         last = len(x) - 1
-        for period in range(1, min(self.longest, last // 2) + 1):
+        for period in range(1, min(self.max_count, last // 2) + 1):
             back = np.arange(min(last // 2, last - period) + 1)
             near, far = x[last - back], x[last - back - period]
             if np.all(np.abs(near - far) <= self.tol * (unit + np.abs(far))):
@@ -108,7 +108,7 @@ class Itinerary(Measure):
 
     >>> x, v = sp.symbols("x v", real=True)
     >>> block = System({x: v, v: -x - sp.sign(v)})
-    >>> found = sweep(block, {"x": [1.5, 3.5]}, start={"v": 0}, t_span=(0, 10), measures=[Itinerary()])
+    >>> found = sweep(block, {"x": [1.5, 3.5]}, x0={"v": 0}, t_span=(0, 10), measures=[Itinerary()])
     >>> found.itinerary.values.tolist()
     ['L S', 'L R S']
     """

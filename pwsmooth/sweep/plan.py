@@ -135,7 +135,7 @@ class Plan:
         items = {
             "system": fingerprint(self.system.model),
             "parameters": _listed({str(p): v for p, v in self.system.parameters.items()}),
-            "start": _listed(dict(zip(self.setting.states, self.start))),
+            "x0": _listed(dict(zip(self.setting.states, self.start))),
             "time": _listed(dict(t0=self.t0, span=self.span, measure_from=self.measure_from)),
             "period": str(period) + (f" with {', '.join(floats)}" if floats else ""),
             "transient and periods": f"{self.transient}, {self.periods}",
@@ -203,14 +203,14 @@ def why_not(outcome: int) -> str:
 
 
 def read_plan(
-    system: Any, axes: Any, points: Any, start: Any, measures: Any, t_span: Any, measure_from: Any, seen: Any,
+    system: Any, axes: Any, points: Any, x0: Any, measures: Any, t_span: Any, measure_from: Any, seen: Any,
     transient: Any, periods: Any, units: Any, noise: Any, options: Mapping[str, Any],
 ) -> tuple[Plan, Axes]:  # fmt: skip
     """The checked plan and axes; `system` is a System or a scene."""
-    if hasattr(system, "system") and hasattr(system, "start"):
+    if hasattr(system, "system") and hasattr(system, "x0"):
         scene, system = system, system.system
-        start = checks.optional(checks.mapping)(start, "`start`")
-        start = {**scene.start, **{str(k): v for k, v in (start or {}).items()}}
+        x0 = checks.optional(checks.mapping)(x0, "`x0`")
+        x0 = {**scene.x0, **{str(k): v for k, v in (x0 or {}).items()}}
         units = {**getattr(scene, "units", {}), **check_units(system, units)}
         if getattr(scene, "atol", None) and "atol" not in options:
             options = {**options, "atol": [scene.atol.get(str(s), _ATOL) for s in system.states]}
@@ -230,9 +230,9 @@ def read_plan(
         system = watching(system, EventSpec(RETURN, surface, direction=seen.direction))
     where = read_axes(system, axes, points)
     first = where.columns(0, 1)
-    if start is not None and not isinstance(start, Mapping):
-        start = dict(zip(system.states, system.initial_state(start), strict=True))
-    given = {str(k): v for k, v in (start or {}).items()}
+    if x0 is not None and not isinstance(x0, Mapping):
+        x0 = dict(zip(system.states, system.initial_state(x0), strict=True))
+    given = {str(k): v for k, v in (x0 or {}).items()}
     swept = {name for name, kind in where.kinds.items() if kind == "state"}
     begin = checks.span(t_span)[0] if seen is None and t_span is not None else 0.0
     initial = system.initial_state(given | {name: float(first[name][0]) for name in swept}, begin)

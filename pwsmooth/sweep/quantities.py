@@ -59,7 +59,7 @@ class Extremes(OfQuantities):
 
     >>> import math
     >>> x, v = sp.symbols("x v", real=True)
-    >>> found = sweep(System({x: v, v: -x}), {"x": [1.0, 2.0]}, start={"v": 0}, t_span=(0, 10),
+    >>> found = sweep(System({x: v, v: -x}), {"x": [1.0, 2.0]}, x0={"v": 0}, t_span=(0, 10),
     ...               measures=[Extremes("x")])
     >>> found["x_max"].values.round(6).tolist()
     [1.0, 2.0]
@@ -79,7 +79,7 @@ class Amplitude(OfQuantities):
     """The variable `<name>_amplitude`: half the distance from minimum to maximum over the window.
 
     >>> x, v = sp.symbols("x v", real=True)
-    >>> found = sweep(System({x: v, v: 1 - x}), {"x": [1.5, 2.0]}, start={"v": 0}, t_span=(0, 10),
+    >>> found = sweep(System({x: v, v: 1 - x}), {"x": [1.5, 2.0]}, x0={"v": 0}, t_span=(0, 10),
     ...               measures=[Amplitude("x")])
     >>> found["x_amplitude"].values.round(6).tolist()
     [0.5, 1.0]
@@ -106,7 +106,7 @@ class Statistics(OfQuantities):
         States, multipliers or outputs (forces).
 
     >>> x, v = sp.symbols("x v", real=True)
-    >>> found = sweep(System({x: v, v: -x}), {"x": [1.0, 2.0]}, start={"v": 0}, t_span=(0, 4 * math.pi),
+    >>> found = sweep(System({x: v, v: -x}), {"x": [1.0, 2.0]}, x0={"v": 0}, t_span=(0, 4 * math.pi),
     ...               measures=[Statistics("x")])
     >>> found["x_rms"].values.round(6).tolist()  # x/sqrt(2)
     [0.707107, 1.414214]

@@ -117,7 +117,7 @@ def make_plan(
     axes: Mapping[Any, Sequence[float]] | None = None,
     *,
     points: Mapping[Any, Sequence[float]] | None = None,
-    start: Mapping[Any, float] | Sequence[float] | None = None,
+    x0: Mapping[Any, float] | Sequence[float] | None = None,
     measures: Any = ("sticks", "itinerary", "period"),
     seen: Strobe | Return | None = None,
     transient: int = 100,
@@ -159,11 +159,11 @@ def make_plan(
 
     >>> x, a = sp.symbols("x a", real=True)
     >>> decay = System({x: -a * x}, parameters={a: 1})
-    >>> make_plan(decay, {a: [1, 2, 3]}, start={x: 1}, t_span=(0, 1), measures=["counts"]).size
+    >>> make_plan(decay, {a: [1, 2, 3]}, x0={x: 1}, t_span=(0, 1), measures=["counts"]).size
     3
     """
     plan, where = read_plan(
-        system, axes, points, start, measures, t_span, measure_from, seen, transient, periods, units, noise, options,
+        system, axes, points, x0, measures, t_span, measure_from, seen, transient, periods, units, noise, options,
     )  # fmt: skip
     _ = plan.variables  # two measures of one name are refused before anything runs
     return SweepPlan(plan, where)
@@ -189,15 +189,15 @@ def spread(shape: Sequence[int]) -> np.ndarray:
 def refine(
     plan: SweepPlan,
     order: Iterable[int] | None = None,
-    budget: float | None = None,
+    max_seconds: float | None = None,
     *,
     settle: float | None = 1e-6,
     workers: int = 1,
 ) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
     """Run a sweep chunk by chunk, the coarse picture first, for as long as it is wanted.
 
-    It ends when the generator is closed (`break` out of the loop is enough), when the budget is spent, or with the last
-    point. Chunks take about a twentieth of a second.
+    It ends when the generator is closed (`break` out of the loop is enough), when `max_seconds` are spent, or with the
+    last point. Chunks take about a twentieth of a second.
 
     Parameters
     ----------
@@ -222,7 +222,7 @@ def refine(
     Raises
     ------
     ValueError, TypeError
-        Numbers that are none of points, a budget that is not positive.
+        Numbers that are none of points, `max_seconds` that are not positive.
 
     Notes
     -----
@@ -233,7 +233,7 @@ def refine(
     >>> x, t, c = sp.symbols("x t c", real=True)
     >>> clock = Event(sp.sin(2 * sp.pi * t - 1), direction=1, update={x: c * x * (1 - x)})
     >>> logistic = System({x: 0*x}, time=t, parameters={c: 3}, events=[clock])
-    >>> plan = make_plan(logistic, {c: np.linspace(2.5, 3.4, 400)}, start={x: 0.3}, seen=Strobe(1), periods=8,
+    >>> plan = make_plan(logistic, {c: np.linspace(2.5, 3.4, 400)}, x0={x: 0.3}, seen=Strobe(1), periods=8,
     ...                  measures=[Points(last=2)])
     >>> for indices, found in refine(plan):
     ...     doubled = np.ptp(found["x_points"], axis=1) > 0.1
@@ -243,7 +243,7 @@ def refine(
     """
     if not isinstance(plan, SweepPlan):
         raise TypeError(f"`plan` is {checks.shown(plan)}; give what sweep.make_plan() returns.")
-    most = checks.optional(checks.positive)(budget, "`budget`")
+    most = checks.optional(checks.positive)(max_seconds, "`max_seconds`")
     settle = checks.optional(checks.positive)(settle, "`settle`")
     workers = checks.whole(workers, "`workers`", 1)
     numbers, stop = ordered(plan, order), Stop()
@@ -320,7 +320,7 @@ def in_chunks(
 
 def _shortened(plan: Plan) -> Plan | None:
     """The plan up to where an orbit may have settled; None where none is finished early."""
-    longest = plan.setting.period_detector.longest
+    longest = plan.setting.period_detector.max_count
     periods = _REPEATS - 1 + longest
     whole = max(_SETTLED, periods)
     if (
@@ -347,7 +347,7 @@ def _settled_first(
     count = len(x)
     cycle, detector = np.zeros(count, int), plan.setting.period_detector
     reported = np.zeros(count, int)
-    for lag in range(detector.longest, 0, -1):
+    for lag in range(detector.max_count, 0, -1):
         near, far = x[:, -_REPEATS:], x[:, -_REPEATS - lag : -lag]
         off = (np.abs(near - far) / (1 + np.abs(far))).max(axis=2)
         worst, half = off.max(axis=1), _REPEATS // 2

@@ -121,7 +121,7 @@ class Study(Table):
     system: SystemTable
     axes: dict[str, Values] = {}
     points: dict[str, Values] = {}
-    start: dict[str, float] = {}
+    x0: dict[str, float] = {}
     measures: list[str] = ["sticks", "itinerary", "period"]
     seen: SeenTable | None = None
     transient: int = 100
@@ -242,7 +242,7 @@ def arguments_of(study: Study, names: Names | None = None) -> tuple[Any, dict[st
     arguments: dict[str, Any] = dict(
         axes={name: values_of(v) for name, v in study.axes.items()},
         points={name: values_of(v) for name, v in study.points.items()},
-        start=study.start, measures=measures, seen=seen_of(study.seen), transient=study.transient,
+        x0=study.x0, measures=measures, seen=seen_of(study.seen), transient=study.transient,
         periods=study.periods,
         t_span=study.t_span, measure_from=study.measure_from, units=study.units,
     )  # fmt: skip
@@ -307,7 +307,7 @@ def _viewed(system: Any, table: SystemTable) -> Any:
     """The system, or the scene with its system replaced, in the view and at the parameters of the study."""
     from dataclasses import replace
 
-    bare = system.system if hasattr(system, "system") and hasattr(system, "start") else system
+    bare = system.system if hasattr(system, "system") and hasattr(system, "x0") else system
     if not hasattr(bare, "model"):
         raise StudyError(f"system.object is {bare!r}; give a System, a scene, or a function that returns one.")
     if table.parameters:
@@ -316,7 +316,7 @@ def _viewed(system: Any, table: SystemTable) -> Any:
         bare = _call(bare.layered, {"ratios": table.layered}, "system.layered")
     if table.smoothed:
         bare = _call(bare.smoothed, table.smoothed, "system.smoothed")
-    return replace(system, system=bare) if bare is not system and hasattr(system, "start") else bare
+    return replace(system, system=bare) if bare is not system and hasattr(system, "x0") else bare
 
 
 def known_scenes() -> dict[str, Any]:

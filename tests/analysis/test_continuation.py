@@ -271,7 +271,7 @@ def test_a_grazing_impact_is_named():
     )
     reach = 1 / abs(1 - 4 + 0.4j)
     orbit = find_orbit(system, {x: 0.1, u: 0.0}, seen=Strobe(sp.pi, phase=0.1))
-    branch = follow(orbit, a, to=0.9 * reach, most=60)
+    branch = follow(orbit, a, to=0.9 * reach, max_points=60)
     first = branch.bifurcations[0]
     assert first.kind == "grazing impact"
     assert first.parameter == pytest.approx(reach, abs=LOCATED)
@@ -332,7 +332,7 @@ def test_a_step_does_not_lead_to_another_part_of_the_branch():
         seen=Strobe(2 * sp.pi / FREQUENCY),
         transient=200,
     )
-    branch = follow(orbit, "omega", to=3, back=0.4, step=0.005, most=40)
+    branch = follow(orbit, "omega", to=3, back=0.4, step=0.005, max_points=40)
     kinds = [one.kind for one in branch.bifurcations]
     assert kinds[:2] == ["switching-sliding", "fold"]
     # Until it turns, the orbits of this branch attract: so trajectories find them, and none beyond.
@@ -362,7 +362,7 @@ def test_a_step_that_jumps_to_another_branch_is_shortened():
         seen=Strobe(2 * sp.pi),
         transient=400,
     )
-    branch = follow(orbit, "rho", to=0, back=5, step=0.005, longest_step=0.1, most=30)
+    branch = follow(orbit, "rho", to=0, back=5, step=0.005, longest_step=0.1, max_points=30)
     assert branch.bifurcations[0].kind == "fold"
     assert all(one.kind != "jump of the orbit" and 0 <= one.parameter <= 5 for one in branch.bifurcations)
 

@@ -51,7 +51,7 @@ def test_flips_and_folds_of_henons_map_lie_on_their_curves_with_both_strong_reso
     orbit = map_in_two({x: 1 - a * x**2 + u, u: b * x}, {x: 0.6, u: 0.2}, (0.1, 0.3))
     ranges = {a: (-3, 5), b: (-1.5, 0.6)}
     flips = follow_curve(only(follow(orbit, a, to=0.6), "flip"), ranges)
-    folds = follow_curve(only(follow(orbit, a, to=-0.3, most=60), "fold"), ranges)
+    folds = follow_curve(only(follow(orbit, a, to=-0.3, max_points=60), "fold"), ranges)
     for curve, factor, name in ((flips, 3, "1:2 resonance"), (folds, -1, "1:1 resonance")):
         p, q = curve.values
         assert len(p) > 20 and np.abs(4 * p - factor * (1 - q) ** 2).max() < 4 * ON_CURVE

@@ -151,7 +151,7 @@ def test_two_plates_on_each_other():
     (held,) = equilibria(plates.with_parameters({F: 0.4}), BOX, starts=32)
     assert set(held.held) == {"low", "high"} and held.multipliers["high_x"] == pytest.approx(0.8)
     (slid,) = equilibria(plates, BOX, starts=32)
-    assert slid.held == ("low",) and slid.start["x"] == pytest.approx(1.2) and slid.multipliers["low_x"] == 0.5
+    assert slid.held == ("low",) and slid.x0["x"] == pytest.approx(1.2) and slid.multipliers["low_x"] == 0.5
 
 
 def test_a_drag_at_rest_has_an_equilibrium():

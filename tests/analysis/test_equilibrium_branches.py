@@ -357,7 +357,7 @@ def test_a_cycle_from_a_hopf_point_is_that_of_the_normal_form_and_goes_on(amplit
     assert np.linalg.norm(cycle.x) == pytest.approx(math.sqrt(value), abs=1e-7)
     assert cycle.period == pytest.approx(math.pi, abs=1e-9)
     assert cycle.multipliers[0].real == pytest.approx(math.exp(-2 * value * math.pi), abs=1e-7)
-    again = find_orbit(cycle.system, cycle.start, seen=Return(cycle.map.surface))
+    again = find_orbit(cycle.system, cycle.x0, seen=Return(cycle.map.surface))
     assert again.success and again.x == pytest.approx(cycle.x, abs=1e-8)
     onward = follow(cycle, a, to=0.8)
     assert np.linalg.norm(onward.x[:, -1]) == pytest.approx(math.sqrt(0.8), abs=1e-9)
@@ -374,7 +374,7 @@ def test_a_cycle_begins_at_no_fold():
 
 def test_a_branch_is_bounded_and_says_why_it_ends():
     start = find_equilibrium(System({x: a - x**2}, parameters={a: 1}), {x: 1})
-    assert "`most`" in follow(start, a, to=-1, most=3).end
+    assert "`max_points`" in follow(start, a, to=-1, max_points=3).end
     assert "`max_seconds` are used up" in follow(start, a, to=-1, max_seconds=1e-9).end
     with pytest.raises(ValueError, match="`virtual` is for equilibria"):
         follow(

@@ -28,7 +28,7 @@ t, x, u, w = sp.symbols("t x u w", real=True)
 )
 def test_on_a_periodic_orbit_they_are_the_logarithms_of_the_multipliers(system, start):
     orbit = find_orbit(system, start, seen=Strobe(2 * sp.pi), transient=30)
-    found = lyapunov_exponents(system, orbit.start, 10 * PERIOD, transient=5 * PERIOD, rtol=1e-11)
+    found = lyapunov_exponents(system, orbit.x0, 10 * PERIOD, transient=5 * PERIOD, rtol=1e-11)
     # Five periods align the deviation but for |m2/m1|**5 < 1e-6 of it.
     assert found.exponents[0] == pytest.approx(math.log(abs(orbit.multipliers[0])) / PERIOD, abs=1e-6)
 

@@ -346,7 +346,7 @@ def test_the_stable_curve_of_an_orbit_that_sticks_separates_its_mirrored_neighbo
     assert saddle.success and not saddle.stable and abs(saddle.map_multipliers[1]) < 1e-12
     found = manifold(saddle, "stable", length=1)
     assert found.points.shape[1] > 100
-    whole = find_orbit(block, saddle.start, seen=Strobe(2 * sp.pi)).map
+    whole = find_orbit(block, saddle.x0, seen=Strobe(2 * sp.pi)).map
     for arm in found.arms:
         for k in (20, 50, 70):
             along = arm.points[:, k + 1] - arm.points[:, k - 1]
@@ -396,7 +396,7 @@ def test_the_unstable_curve_of_a_cycle_ends_in_the_cycles_beside_it():
 def test_half_a_period_of_a_symmetric_orbit_gives_the_same_curve(kind):
     duffing = System({x: v, v: -v / 10 + x - x**3 + sp.cos(t) / 20}, time=t)
     half = find_orbit(duffing, {x: 0, v: 0}, seen=Strobe(2 * sp.pi, symmetry={x: -x, v: -v}))
-    full = find_orbit(duffing, half.start, seen=Strobe(2 * sp.pi))
+    full = find_orbit(duffing, half.x0, seen=Strobe(2 * sp.pi))
     one, other = manifold(half, kind, length=2), manifold(full, kind, length=2.2, spacing=0.002)
     points = one.points[:, np.isfinite(one.points[0])]
     # A chord is off its arc by 0.002^2/8 of the curvature, which is below 5 here.
@@ -449,7 +449,7 @@ def test_the_stable_curve_of_a_smoothed_saddle_separates_its_mirrored_neighbours
     assert saddle.success and abs(saddle.map_multipliers[0]) > 1
     found = manifold(saddle, "stable", length=0.4, spacing=0.05)
     assert [arm.end for arm in found.arms] == ["reached the length 0.4."] * 2
-    whole = find_orbit(block, saddle.start, seen=Strobe(2 * sp.pi)).map
+    whole = find_orbit(block, saddle.x0, seen=Strobe(2 * sp.pi)).map
     for arm in found.arms:
         along = arm.points[:, -1] - arm.points[:, -2]
         across = np.array([-along[1], along[0]]) / np.linalg.norm(along)

@@ -97,7 +97,7 @@ def test_the_orbit_is_the_published_one_and_lies_on_its_solution():
 
 def test_the_half_period_map_squared_is_the_map_of_the_whole_period():
     half = find_orbit(coulomb(), {y: 0.5, v: 0.3}, seen=Strobe(T, symmetry=MIRROR))
-    whole = find_orbit(coulomb(), half.start, seen=Strobe(T))
+    whole = find_orbit(coulomb(), half.x0, seen=Strobe(T))
     assert half.symmetric and not whole.symmetric
     assert whole.x == pytest.approx(half.x, abs=1e-11)
     assert whole.jacobian == pytest.approx(half.jacobian @ half.jacobian, abs=1e-11)

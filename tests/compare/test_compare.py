@@ -37,7 +37,7 @@ def test_two_paths_without_common_code_agree(name):
 def test_the_restarted_integration_bounces_without_a_reaction_in_flight():
     case = CASES["ball"]
     x, log, _ = restarted(
-        plain(case.system), (0, 3.0), np.array(case.start), rtol=1e-10, atol=1e-12, max_step=0.05
+        plain(case.system), (0, 3.0), np.array(case.x0), rtol=1e-10, atol=1e-12, max_step=0.05
     )
     assert [kind for _, kind in log] == 6 * ["impact"]
     assert x == pytest.approx(case.exact(3.0), abs=1e-9)
@@ -51,7 +51,7 @@ def slope(run, x0, end, exact, sizes, last):
 def test_time_stepping_through_sticks_and_crossings_is_at_least_of_first_order():
     case = CASES["sticking"]
     measured = slope(
-        stepper(plain(case.system)), case.start, case.t_end, case.reference.states[-1], (500, 2000, 8000), 0.5
+        stepper(plain(case.system)), case.x0, case.t_end, case.reference.states[-1], (500, 2000, 8000), 0.5
     )
     assert measured > 0.8  # second order between events, first through them: irregular in between
 
@@ -59,13 +59,13 @@ def test_time_stepping_through_sticks_and_crossings_is_at_least_of_first_order()
 def test_time_stepping_of_impacts_is_of_first_order():
     case = CASES["ball"]
     run = bouncing(plain(case.system))
-    measured = slope(run, case.start, 3.0, case.exact(3.0), (4000, 16000, 64000), 0.8)
+    measured = slope(run, case.x0, 3.0, case.exact(3.0), (4000, 16000, 64000), 0.8)
     assert measured == pytest.approx(1, abs=0.5)
 
 
 def test_an_implicit_relay_slides_exactly():
     case = CASES["relay"]
-    x, lam, _ = stepper(plain(case.system))(0.0, 4.0, np.array(case.start), 1000, 0.5)
+    x, lam, _ = stepper(plain(case.system))(0.0, 4.0, np.array(case.x0), 1000, 0.5)
     start = case.reference.times[0]
     stuck = np.linspace(0, 4, 1001) > start + 0.01
     assert np.max(np.abs(x[stuck].sum(axis=1))) < 1e-12 and np.all(np.abs(lam[stuck]) < 1)

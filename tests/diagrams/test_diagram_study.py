@@ -21,7 +21,7 @@ quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
 STUDY = """
 seen = { period = 1, phase = 0.5 }
 values = 5
-starts = [{ x = 0.1 }]
+x0 = [{ x = 0.1 }]
 
 [system]
 object = "model.py:quadratic"
@@ -85,16 +85,17 @@ def test_a_registered_system_needs_no_code(study, tmp_path):
 
 
 def test_a_key_that_would_be_passed_over_is_refused(study, tmp_path):
-    study.write_text("curves = 5\n" + STUDY)
+    study.write_text("max_curves = 5\n" + STUDY)
     assert (
-        "curves: no key of a study of one parameter" in command(study, "--out", tmp_path, "--allow-code").output
+        "max_curves: no key of a study of one parameter"
+        in command(study, "--out", tmp_path, "--allow-code").output
     )
 
 
 @pytest.mark.parametrize(
     "more, words",
     {
-        "dept = 3\n" + STUDY: r"line 1: dept: no such key; did you mean depth\?",
+        "max_dept = 3\n" + STUDY: r"line 1: max_dept: no such key; did you mean max_depth\?",
         STUDY + "b = [0, 1]\nc = [0, 1]\n": "names 3 parameters",
         STUDY.replace("phase = 0.5", "direction = -1"): "line 2: seen: `direction` does not belong to `period`",
         STUDY.replace("period = 1", "section = 'x', period = 1"): "line 2: seen: give `period` .* or `section`",

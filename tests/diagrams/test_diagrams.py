@@ -45,7 +45,7 @@ def of(found, kind):
 @pytest.fixture(scope="module")
 def cascade():
     # 3.7 is one of the values, and 3.835, the only one in a window that is wider than 0.001
-    return diagram(LOGISTIC, a, (2.935, 3.88), {x: 0.3}, seen=STROBED, values=22, longest=8)
+    return diagram(LOGISTIC, a, (2.935, 3.88), {x: 0.3}, seen=STROBED, values=22, max_count=8)
 
 
 # ---- one parameter
@@ -65,7 +65,7 @@ def test_the_window_of_period_three_is_found_from_its_attractor(cascade):
 @pytest.mark.parametrize("unit", [1e-6, 1e6])
 def test_the_cascade_does_not_depend_on_the_unit(unit):
     scaled = mapped({x: unit * (1 - a * (x / unit) ** 2)}, a=0.5)
-    found = diagram(scaled, a, (0.6, 1.368), {x: 0.6 * unit}, seen=STROBED, values=8, longest=4)
+    found = diagram(scaled, a, (0.6, 1.368), {x: 0.6 * unit}, seen=STROBED, values=8, max_count=4)
     # of x -> 1 - a x^2
     assert of(found, "flip") == pytest.approx([3 / 4, 5 / 4], abs=CLOSE)
     assert found.gaps == [] and found.lost == () and [branch.count for branch in found.branches] == [1, 2, 4]
@@ -87,9 +87,9 @@ def test_many_starts_and_orbits_have_one_branch():
 
 
 def test_depth_bounds_branches_on_branches():
-    found = diagram(LOGISTIC, a, (2.9, 3.2), {x: 0.3}, seen=STROBED, values=2, depth=0)
+    found = diagram(LOGISTIC, a, (2.9, 3.2), {x: 0.3}, seen=STROBED, values=2, max_depth=0)
     assert len(found.branches) == 2  # those of both ends of the orbit diagram
-    shallow = diagram(LOGISTIC, a, (2.9, 3.46), None, seen=STROBED, depth=1, orbits=[
+    shallow = diagram(LOGISTIC, a, (2.9, 3.46), None, seen=STROBED, max_depth=1, orbits=[
         find_orbit(LOGISTIC.with_parameters({a: 2.9}), {x: 0.6}, seen=STROBED)])  # fmt: skip
     assert [branch.count for branch in shallow.branches] == [1, 2] and shallow.left == 1
 
@@ -229,7 +229,7 @@ def test_a_sharp_corner_of_a_branch_is_turned_around(block):
 # ---- two parameters
 
 
-HENONS = dict(ranges=((-0.6, 1), (-0.5, 0.6)), starts={x: 0.1, u: 0}, seen=STROBED, values=12, longest=4)
+HENONS = dict(ranges=((-0.6, 1), (-0.5, 0.6)), x0={x: 0.1, u: 0}, seen=STROBED, values=12, max_count=4)
 
 
 @pytest.fixture(scope="module")
@@ -285,7 +285,7 @@ def test_a_diagram_is_the_same_from_its_store_and_from_what_was_saved(tmp_path, 
 
 
 def test_data_go_through_xarray_and_zarr(tmp_path, cascade):
-    data = cascade.to_xarray()
+    data = cascade.to_dataset()
     data.to_zarr(tmp_path / "data.zarr", consolidated=False)
     with xarray.open_zarr(tmp_path / "data.zarr", consolidated=False) as opened:
         assert opened.load().equals(data)
@@ -303,9 +303,7 @@ def test_two_processes_give_what_one_gives():
 
 
 def test_a_store_of_another_call_is_refused(tmp_path):
-    call = dict(
-        system=LOGISTIC, parameter=a, starts={x: 0.3}, seen=STROBED, values=3, store=tmp_path / "d.zarr"
-    )
+    call = dict(system=LOGISTIC, parameter=a, x0={x: 0.3}, seen=STROBED, values=3, store=tmp_path / "d.zarr")
     diagram(range=(2.8, 3.2), **call)
     with pytest.raises(ValueError, match=r"`store`.*range"):
         diagram(range=(2.8, 3.3), **call)
@@ -314,7 +312,7 @@ def test_a_store_of_another_call_is_refused(tmp_path):
 
 
 def test_what_is_in_the_store_is_not_computed_again(tmp_path, monkeypatch):
-    call = dict(starts={x: 0.3}, seen=STROBED, values=3, store=tmp_path / "d.zarr")
+    call = dict(x0={x: 0.3}, seen=STROBED, values=3, store=tmp_path / "d.zarr")
     first = diagram(LOGISTIC, a, (2.8, 3.2), **call)
 
     def never(setting, task):
@@ -325,7 +323,7 @@ def test_what_is_in_the_store_is_not_computed_again(tmp_path, monkeypatch):
 
 
 def test_a_damaged_item_is_computed_again(tmp_path):
-    call = dict(starts={x: 0.3}, seen=STROBED, values=3, store=tmp_path / "d.zarr")
+    call = dict(x0={x: 0.3}, seen=STROBED, values=3, store=tmp_path / "d.zarr")
     first = diagram(LOGISTIC, a, (2.8, 3.2), **call)
     item = sorted((tmp_path / "d.zarr" / "items").glob("*/parameter/c/0"))[0]
     item.write_bytes(b"nothing")

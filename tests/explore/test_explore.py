@@ -130,7 +130,7 @@ def systems():
     table = Event(x, direction=-1, update={v: -0.8 * v}, name="bounce")
     chain = {x: v, v: -k * x - (x - y) - sp.sign(v) / 4 + sp.cos(t), y: w, w: -k * y - (y - x) - sp.sign(w) / 4}
     left = StribeckFriction().attach(velocity=v - sp.Rational(1, 5))
-    slip, start, _ = assemble({x: v, v: -k * x - left.force}, left, start={x: 0.0, v: 0.0}, parameters={k: 1})
+    slip, start, _ = assemble({x: v, v: -k * x - left.force}, left, x0={x: 0.0, v: 0.0}, parameters={k: 1})
     return {
         "Chua": (CHUA, {x: 0.1, y: 0, z: 0}, (0, 20)),
         "ball on a table": (System({x: v, v: -k}, parameters={k: 1}, events=[table]), {x: 1, v: 0}, (0, 8)),
@@ -492,7 +492,7 @@ def test_finished_basins_are_those_of_the_package(oscillator):
         label[arrays["cell"]] = arrays["label"]
     assert header["finished"] and header["done"] == 9 * 9
     grid = np.linspace(-2, 2, 9)
-    known = basins(oscillator.system, {"y": grid, "v": grid}, Strobe(oscillator.period), start={"z": 0.0})
+    known = basins(oscillator.system, {"y": grid, "v": grid}, Strobe(oscillator.period), x0={"z": 0.0})
     starts = [orbit.x for orbit in known.attractors]
     for row in range(9):
         for column in range(9):

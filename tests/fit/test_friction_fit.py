@@ -71,7 +71,7 @@ def test_a_parameter_that_the_data_does_not_see_has_no_finite_error():
     v = 1e-9 * (1 + np.sin(TIMES) / 2)  # so far below v_s that F_s alone shows
     force = 1.5 + NOISE * np.random.default_rng(6).normal(size=v.size)
     found = fit_law(
-        friction.StribeckFriction(v_s=1.0, sigma2=0.0), TIMES, v, force, kind="velocity", free=["F_c", "F_s"]
+        friction.StribeckFriction(v_s=1.0, sigma2=0.0), TIMES, v, force, kind="velocity", by=["F_c", "F_s"]
     )
     assert found.values["F_s"] == pytest.approx(force.mean(), rel=1e-6)
     assert found.errors["F_s"] == pytest.approx(force.std(ddof=1) / math.sqrt(v.size), rel=0.01)
@@ -102,8 +102,8 @@ def test_bad_data_is_named():
     law = friction.Dahl()
     with pytest.raises(ValueError, match="have the shapes"):
         fit_law(law, TIMES, MOTION[:-1], MOTION)
-    with pytest.raises(ValueError, match="`free` names 'stiffness'; parameters of Dahl are sigma0, F_c"):
-        fit_law(law, TIMES, MOTION, MOTION, free=["stiffness"])
+    with pytest.raises(ValueError, match="`by` names 'stiffness'; parameters of Dahl are sigma0, F_c"):
+        fit_law(law, TIMES, MOTION, MOTION, by=["stiffness"])
     with pytest.raises(ValueError, match="`kind` is 'speed'"):
         fit_law(law, TIMES, MOTION, MOTION, kind="speed")
     with pytest.raises(ValueError, match="`motion` is nan at index 0"):

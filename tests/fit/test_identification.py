@@ -136,7 +136,7 @@ def test_samples_may_be_missing_and_columns_have_noise_of_their_own():
     rng = np.random.default_rng(2)
     x, v = run["x"] + 0.01 * rng.normal(size=t.size), run["v"] + 0.1 * rng.normal(size=t.size)
     x[rng.random(t.size) < 0.5], v[:60] = np.nan, np.nan
-    one = fit(block(0.3, 2.0), Record(t, {"x": x, "v": v}, start={"x": 3, "v": 0.4}), ["F", "k"])
+    one = fit(block(0.3, 2.0), Record(t, {"x": x, "v": v}, x0={"x": 3, "v": 0.4}), ["F", "k"])
     assert one.success and within(one, {"F": 0.5, "k": 1.5})
     assert one.samples == np.isfinite(x).sum() + 61
     assert one.noise["x"] == pytest.approx(0.01, rel=0.4) and one.noise["v"] == pytest.approx(0.1, rel=0.4)
@@ -163,14 +163,14 @@ def test_memories_are_handed_on_between_intervals():
     )
     t = np.linspace(0, 20, 201)
     data = solve(system.with_parameters({"c": 0.03}), (0, 20), {"x": 1, "v": 0}, t_eval=t)["x"]
-    one = fit(system, Record(t, {"x": data}, noise=1e-3, start={"x": 1, "v": 0}), ["c"], intervals=8)
+    one = fit(system, Record(t, {"x": data}, noise=1e-3, x0={"x": 1, "v": 0}), ["c"], intervals=8)
     assert one.success and one.values["c"] == pytest.approx(0.03, rel=1e-7)
 
 
 def test_bounds_hold_and_are_told():
     t = np.linspace(0, 6, 61)
     x = solve(block(), (0, 6), {"x": 3, "v": 0}, t_eval=t)["x"]
-    record = Record(t, {"x": x}, noise=0.01, start={"x": 3, "v": 0})
+    record = Record(t, {"x": x}, noise=0.01, x0={"x": 3, "v": 0})
     one = fit(block(0.3, 2.0), record, ["F", "k"], bounds={"k": (1.6, 3.0)})
     assert one.values["k"] == pytest.approx(1.6, rel=1e-9) and math.isnan(one.errors["k"])
     assert "k = 1.6, at its bound" in repr(one) and math.isfinite(one.errors["F"])
@@ -181,7 +181,7 @@ def test_a_prior_counts_as_much_as_its_error_says():
     x = solve(block(), (0, 6), {"x": 3, "v": 0}, t_eval=t)["x"] + 0.02 * np.random.default_rng(3).normal(
         size=t.size
     )
-    record = Record(t, {"x": x}, noise=0.02, start={"x": 3, "v": 0})
+    record = Record(t, {"x": x}, noise=0.02, x0={"x": 3, "v": 0})
     free = fit(block(), record, ["k"])
     error = free.errors["k"]
     held = fit(block(), record, ["k"], priors={"k": (free.values["k"] + error, error)})
@@ -196,9 +196,7 @@ def test_only_the_ratio_of_what_enters_as_a_ratio_is_identifiable():
     system = System({x: v, v: (-k * x - F * sp.sign(v)) / m}, parameters={m: 1, k: 1.5, F: 0.5})
     t = np.linspace(0, 6, 61)
     data = solve(system, (0, 6), {"x": 3, "v": 0}, t_eval=t)["x"]
-    one = fit(
-        system, Record(t, {"x": data}, noise=0.01, start={"x": 3, "v": 0}), {"m": 1.5, "k": 2.0, "F": 0.6}
-    )
+    one = fit(system, Record(t, {"x": data}, noise=0.01, x0={"x": 3, "v": 0}), {"m": 1.5, "k": 2.0, "F": 0.6})
     (free,) = one.identifiability().free
     assert free.words == "m * k * F" and math.isinf(free.error)
     assert [math.isinf(error) for error in one.errors.values()] == [True] * 3
@@ -271,7 +269,7 @@ def test_a_touch_without_a_derivative_is_told_and_the_fit_goes_on():
     # x touches 1 at pi/2 and stays below: what y feels there has no derivative.
     system = System({x: v, v: -x, y: c * (2 - sp.sign(x - 1))}, parameters={c: 0.5})
     t = np.linspace(0, 3, 31)
-    record = Record(t, {"y": 2.1 * t}, noise=0.01, start={"x": 0, "v": 1, "y": 0}, unknown=["v"])
+    record = Record(t, {"y": 2.1 * t}, noise=0.01, x0={"x": 0, "v": 1, "y": 0}, unknown=["v"])
     one = fit(system, record, ["c"], priors={"c": (0.7, 0.1)}, intervals=1)
     assert one.values["c"] == pytest.approx(0.7, rel=1e-3)
     assert one.problems and "no derivative" in repr(one)
@@ -290,7 +288,7 @@ def test_a_record_is_read_from_a_file_with_gaps(text, tmp_path):
     path = tmp_path / "run.csv"
     path.write_text(text)
     for columns, time in (({"x": "x", "v": "v"}, "t"), ({"x": 1, "v": 2}, 0)):
-        one = Record.from_csv(path, columns, time=time, noise=0.1, start={"x": 1})
+        one = Record.from_csv(path, columns, time=time, noise=0.1, x0={"x": 1})
         assert one.t.tolist() == [0, 1, 2] and one.samples == 4 and one.noise["v"] == 0.1
         assert np.array_equal(one.values["x"], [1, np.nan, 3], equal_nan=True)
         assert np.array_equal(one.values["v"], [0.5, 0.25, np.nan], equal_nan=True)
@@ -320,7 +318,7 @@ def test_a_bad_record_is_named(change, said):
     [
         (dict(values={"y": np.zeros(9)}), {}, "`values` of a Record names 'y'; the system has x, v"),
         (dict(unknown=["z"]), {}, "`unknown` of a Record names 'z'"),
-        (dict(start={}, unknown=["v"]), {}, "`unknown` names v, neither measured"),
+        (dict(x0={}, unknown=["v"]), {}, "`unknown` names v, neither measured"),
         ({}, dict(parameters=["G"]), "`parameters` names G; parameters of the system are F, k"),
         ({}, dict(parameters=[]), "`parameters` is empty"),
         ({}, dict(bounds={"k": (2, 1)}), r"`bounds` of k is \(2, 1\); give the lowest first"),
@@ -331,11 +329,11 @@ def test_a_bad_record_is_named(change, said):
     ],
 )
 def test_a_bad_call_is_named(record, options, said):
-    given = dict(t=np.arange(9.0), values={"x": np.ones(9)}, start={"x": 3, "v": 0}) | record
+    given = dict(t=np.arange(9.0), values={"x": np.ones(9)}, x0={"x": 3, "v": 0}) | record
     with pytest.raises(ValueError, match=said):
         fit(block(), Record(**given), **(dict(parameters=["F", "k"]) | options))
 
 
 def test_too_few_samples_are_refused():
     with pytest.raises(ValueError, match="2 samples cannot determine 2 unknowns"):
-        fit(block(), Record([0, 1], {"x": [3, 2]}, start={"x": 3, "v": 0}), ["F", "k"])
+        fit(block(), Record([0, 1], {"x": [3, 2]}, x0={"x": 3, "v": 0}), ["F", "k"])

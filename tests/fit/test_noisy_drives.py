@@ -45,7 +45,7 @@ def test_a_rough_drive_that_is_exact_is_told_from_a_smooth_one_with_noise():
     measured = driven(drive + noise(0.05)[:401])
     for true, success in ((measured, True), (driven(drive), False)):
         data = solve(true, (0, t[-1]), {x: 0, v: 0}, t_eval=t)["x"] + noise(1e-3, 2)[:401]
-        found = fit(measured, Record(t, {"x": data}, start={"x": 0, "v": 0}), {"F": 0.38, "k": 1.45, "c": 0.12})
+        found = fit(measured, Record(t, {"x": data}, x0={"x": 0, "v": 0}), {"F": 0.38, "k": 1.45, "c": 0.12})
         assert found.success is success and ("The drive 'u' has noise" in found.message) is not success
 
 

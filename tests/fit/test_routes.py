@@ -49,7 +49,7 @@ def fitted(made, level, guess, seed=0, **options):
     noise = level * np.random.default_rng(seed).normal(size=t.size)
     data = solve(system, (0, t[-1]), start, t_eval=t)[column] + noise
     known = start | ({"x": data[0]} if "x" in unknown else {})
-    record = Record(t, {column: data}, start=known, unknown=unknown)
+    record = Record(t, {column: data}, x0=known, unknown=unknown)
     first = {name: value * factor for (name, value), factor in zip(true.items(), guess)}
     found = fit(system, record, first, **options)
     return found, true, float(np.sqrt(np.mean(noise**2))), found.rms[column]
@@ -88,7 +88,7 @@ def test_data_without_noise_from_the_truth_are_a_success():
     system = System({x: v, v: -9.81 * sp.sin(x) - T / 50 * v - T / 5 * sp.sign(v)}, parameters={T: 1.0})
     t = np.arange(0, 40, 0.05)
     data = solve(system, (0, t[-1]), {"x": 2.0, "v": 0.0}, t_eval=t)["x"]
-    found = fit(system, Record(t, {"x": data}, unknown=["v"], start={"x": 2.0, "v": 0.0}), ["T"])
+    found = fit(system, Record(t, {"x": data}, unknown=["v"], x0={"x": 2.0, "v": 0.0}), ["T"])
     assert found.success and found.rms["x"] < 1e-9
 
 
@@ -101,7 +101,7 @@ def test_the_unit_of_time_decides_nothing(unit):
     data = solve(system, (0, t[-1]), {"x": 1.0, "v": 0.0}, t_eval=t)["x"]
     noisy = data + 0.01 * np.random.default_rng(0).normal(size=t.size)
     guess = {str(p): 1.02 * value for p, value in values.items()}
-    found = fit(system, Record(t, {"x": noisy}, unknown=["x", "v"], start={"v": 0.0}), guess)
+    found = fit(system, Record(t, {"x": noisy}, unknown=["x", "v"], x0={"v": 0.0}), guess)
     assert found.success
     for p, value in values.items():
         assert abs(found.values[p.name] - value) < 4 * found.errors[p.name]

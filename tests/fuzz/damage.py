@@ -103,7 +103,7 @@ def _run(store=None):
         {y: v, v: -sigma * sp.sin(t) - k * y - v / 10 - Switch("lam", v)}, time=t, parameters={k: 3, sigma: 2}
     )
     return sweep(
-        block, {"k": [2.0, 3.0, 4.5], "sigma": [1.2, 1.8, 2.4, 3.1]}, start={"y": 0.5, "v": 0.3},
+        block, {"k": [2.0, 3.0, 4.5], "sigma": [1.2, 1.8, 2.4, 3.1]}, x0={"y": 0.5, "v": 0.3},
         seen=Strobe(2 * sp.pi),
         transient=2, periods=8, chunk=2, workers=1, store=store, progress=False,
         measures=["itinerary", "sticks", "period", "amplitude(y)", "points(y)"],

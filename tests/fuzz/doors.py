@@ -172,7 +172,7 @@ def subjects():
     pulled = System({x: k / 4 - Switch("lam", x)}, parameters={k: 1})
     wave = System({x: v, v: (k - x**2) * v - x}, parameters={k: -0.5})
     (hopf,) = pwsmooth.follow(pwsmooth.find_equilibrium(wave, {x: 0, v: 0}), k, 0.5).of_kind("Hopf")
-    record = Record(np.linspace(0, 1, 9), {"x": np.linspace(1, 1.1, 9)}, start=start)
+    record = Record(np.linspace(0, 1, 9), {"x": np.linspace(1, 1.1, 9)}, x0=start)
     fitted = fit(system, record, ["k"], max_runs=2)
     strobe = sections.Stroboscopic(system, drive, options=short)
     section = sections.Section(free, surface=v, direction=-1, options=short)
@@ -182,7 +182,7 @@ def subjects():
     white = Diffusion({v: 0.1}, step=1 / 16)
     times = np.linspace(0, 1, 21)
     many = {
-        "start": start,
+        "x0": start,
         "seen": pwsmooth.Strobe(drive),
         "transient": 1,
         "periods": 2,
@@ -197,12 +197,12 @@ def subjects():
     loaded = study.read_study(path)
     saved = str(Path(out) / "saved.zarr")
     pwsmooth.diagram(
-        mapped, k, (2.5, 2.9), {"x": 0.6}, pwsmooth.Strobe(1, phase=0.5), values=2, points=20, store=saved
+        mapped, k, (2.5, 2.9), {"x": 0.6}, pwsmooth.Strobe(1, phase=0.5), values=2, max_points=20, store=saved
     )
     saddle = pwsmooth.find_equilibrium(System({x: v, v: x}), {x: 0, v: 0})
     through = System({x: 1, v: -x, z: -v - Switch("lam", z)})
     stored = str(Path(out) / "stored.zarr")
-    pwsmooth.sweep(system, {"k": [1.0]}, start=start, t_span=(0, 1), measures=["counts"], store=stored)
+    pwsmooth.sweep(system, {"k": [1.0]}, x0=start, t_span=(0, 1), measures=["counts"], store=stored)
     given = {
         "System": dict(
             rates={x: v, v: -k * x}, time=t, parameters={k: 1}, outputs={"a": x}, events=[Event(x - 9)]
@@ -250,10 +250,10 @@ def subjects():
         "find_orbit": dict(
             system=system, x0=start, seen=pwsmooth.Strobe(drive, symmetry={x: -x, v: -v}), rtol=1e-12, **short
         ),
-        "follow": dict(orbit=orbit, parameter=k, to=1.01, most=5),
+        "follow": dict(orbit=orbit, parameter=k, to=1.01, max_points=5),
         "find_equilibrium": dict(system=pulled, x0={"x": 0.2}, sides={"lam": 0}),
         "equilibria": dict(system=pulled, box={"x": (-1.0, 1.0)}, sides={"lam": 0}, starts=8),
-        "manifold": dict(saddle=saddle, kind="stable", length=0.5, box={x: (-2, 2), v: (-2, 2)}, most=50),
+        "manifold": dict(saddle=saddle, kind="stable", length=0.5, box={x: (-2, 2), v: (-2, 2)}, max_points=50),
         "sliding_portrait": dict(
             system=through, switch="lam", box={x: (-1.0, 1.0), v: (-1.0, 1.0)}, at={}, points=5
         ),
@@ -261,7 +261,7 @@ def subjects():
         "sweep.refine": dict(
             plan=make_plan(system, {"k": [1.0, 2.0]}, **many),
             order=[1, 0],
-            budget=1.0,
+            max_seconds=1.0,
             settle=1e-6,
         ),
         "sweep.SweepPlan": None,  # of make_plan
@@ -281,10 +281,10 @@ def subjects():
             system=system,
             axes={"x": [0.0, 1.0]},
             seen=pwsmooth.Strobe(drive),
-            start={"v": 0.0},
+            x0={"v": 0.0},
             transient=5,
-            longest=2,
-            budget=1.0,
+            max_count=2,
+            max_seconds=1.0,
             **short,
         ),
         "sweep.Cost": dict(name="J", cost=costs.final(x), unit="m"),
@@ -295,16 +295,16 @@ def subjects():
             system=system,
             axes={"x": [0.0, 1.0]},
             seen=pwsmooth.Strobe(drive),
-            start={"v": 0.0},
+            x0={"v": 0.0},
             transient=5,
-            longest=2,
+            max_count=2,
             **short,
         ),
         "orbit_diagram": dict(
             system=system,
             parameter=k,
             values=[1.0, 2.0],
-            start=start,
+            x0=start,
             seen=pwsmooth.Strobe(drive),
             transient=3,
             keep=2,
@@ -314,10 +314,10 @@ def subjects():
             system=mapped,
             parameter=k,
             range=(2.5, 2.9),
-            starts={"x": 0.6},
+            x0={"x": 0.6},
             seen=pwsmooth.Strobe(1, phase=0.5),
             values=2,
-            points=20,
+            max_points=20,
             orbits=[],
             **short,
         ),
@@ -325,10 +325,10 @@ def subjects():
             system=mapped,
             parameters=(k, z),
             ranges=((2.5, 2.9), (-0.1, 0.1)),
-            starts={"x": 0.6},
+            x0={"x": 0.6},
             seen=pwsmooth.Strobe(1, phase=0.5),
             values=2,
-            points=20,
+            max_points=20,
             lines={z: [0.0]},
             **short,
         ),
@@ -337,7 +337,7 @@ def subjects():
         "bifurcations_between": None,  # between points of a walk, which is made inside
         "capture_threshold": dict(rho=3.0, ratio=1.0),
         "critical_ratio": dict(rho=3.0),
-        "follow_curve": dict(start=flip, ranges={k: (2.5, 3.5), z: (-0.5, 0.5)}, virtual=False, most=3),
+        "follow_curve": dict(start=flip, ranges={k: (2.5, 3.5), z: (-0.5, 0.5)}, virtual=False, max_points=3),
         "branch_off": dict(bifurcation=flip, amplitude=0.05),
         "change_between": dict(one=orbit, other=orbit),
         "same_itinerary": dict(one=orbit, other=orbit),
@@ -352,7 +352,7 @@ def subjects():
         "nonlinear_sticking": dict(drive=0, stiffness=1, load=1, gamma=1 - z**2, lam=z, rho=3),
         "symmetry_matrix": dict(system=system, symmetry={x: -x, v: -v}, period=2 * math.pi),
         "variations": dict(solution=run, parameters=["k"]),
-        "fit": dict(system=system, records=record, parameters=["k"], max_runs=2),
+        "fit": dict(system=system, records=record, by=["k"], max_runs=2),
         "fit_law": dict(
             law=friction.Coulomb(sigma2=0.1),
             t=times,
@@ -362,7 +362,7 @@ def subjects():
             max_runs=2,
         ),
         "fit.compare": dict(fits={"one": fitted}),
-        "Record": dict(t=times, values={"x": np.cos(times)}, noise=0.1, start=start, unknown=["v"]),
+        "Record": dict(t=times, values={"x": np.cos(times)}, noise=0.1, x0=start, unknown=["v"]),
         "laws.Joint": dict(v=v),
         "law": None,
         "parameter": dict(default=1.0, unit="N", meaning="force"),
@@ -410,14 +410,14 @@ def subjects():
     }
     cost = costs.final(x) + costs.integral(x * v)
     given |= {
-        "Objective": dict(system=system, cost=cost, t_span=(0, 1), x0=start, with_respect_to=["k", "x"]),
-        "value_and_gradient": dict(system=system, cost=cost, t_span=(0, 1), x0=start, with_respect_to=["k"]),
+        "Objective": dict(system=system, cost=cost, t_span=(0, 1), x0=start, by=["k", "x"]),
+        "value_and_gradient": dict(system=system, cost=cost, t_span=(0, 1), x0=start, by=["k"]),
         "minimise": dict(
             system=system,
             cost=cost,
             t_span=(0, 1),
             x0=start,
-            over=["k"],
+            by=["k"],
             bounds={"k": (0.5, 2.0)},
             constraints=[costs.final(x) >= 0.1],
             max_evaluations=3,
@@ -505,7 +505,7 @@ def subjects():
             dict(
                 system=system,
                 axes={"x": [1.0]},
-                start={"v": 0},
+                x0={"v": 0},
                 t_span=(0, 1),
                 measure_from=0.5,
                 measures=["counts"],
@@ -517,7 +517,7 @@ def subjects():
             dict(
                 system=system,
                 axes={"seed": [1]},
-                start=start,
+                x0=start,
                 t_span=(0, 1),
                 noise=kicks,
                 measures=["points"],
@@ -530,7 +530,7 @@ def subjects():
         ),
         "follow equilibrium": (
             pwsmooth.follow,
-            dict(orbit=pwsmooth.find_equilibrium(pulled, {"x": 0.2}), parameter=k, to=5, most=5),
+            dict(orbit=pwsmooth.find_equilibrium(pulled, {"x": 0.2}), parameter=k, to=5, max_points=5),
         ),
         "find_orbit section": (
             pwsmooth.find_orbit,
@@ -541,7 +541,7 @@ def subjects():
             dict(
                 system=free,
                 axes={"x": [1.0, 2.0]},
-                start=start,
+                x0=start,
                 seen=pwsmooth.Return(v, direction=-1, longest=20.0),
                 transient=2,
                 periods=2,
@@ -554,10 +554,10 @@ def subjects():
             dict(
                 system=free,
                 axes={"x": [1.0]},
-                start={"v": 0.0},
+                x0={"v": 0.0},
                 seen=pwsmooth.Return(v, direction=-1, longest=20.0),
                 transient=5,
-                longest=2,
+                max_count=2,
                 **short,
             ),
         ),
@@ -567,7 +567,7 @@ def subjects():
                 system=system,
                 parameter=k,
                 values=[1.0],
-                start=start,
+                x0=start,
                 seen=pwsmooth.Strobe(drive),
                 transient=3,
                 keep=2,

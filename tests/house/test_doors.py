@@ -59,7 +59,7 @@ BLOCK = System({x: v, v: sp.cos(t) - k * x - v / 5 - sp.sign(v) / 4}, time=t, pa
 
 def swept(**given):
     return sweep(
-        BLOCK, {"k": [2.0, 3.0]}, **{"start": START, "seen": Strobe(T), "transient": 1, "periods": 1} | given
+        BLOCK, {"k": [2.0, 3.0]}, **{"x0": START, "seen": Strobe(T), "transient": 1, "periods": 1} | given
     )
 
 
@@ -71,9 +71,9 @@ REFUSED = {
     "start_time inf": ("start_time", lambda: lyapunov_exponents(BLOCK, START, 10.0, start_time=math.inf)),
     "start_time without digits": ("start_time", lambda: lyapunov_exponents(BLOCK, START, 10.0, start_time=1e308)),
     "time beyond digits": ("time", lambda: lyapunov_exponents(BLOCK, START, 2**70, max_steps=20_000)),
-    "tol nan": ("tol", lambda: basins(BLOCK, {"x": [1.0]}, Strobe(T), start={"v": 0}, tol=math.nan)),
-    "tol negative": ("tol", lambda: basins(BLOCK, {"x": [1.0]}, Strobe(T), start={"v": 0}, tol=-1)),
-    "tol inf": ("tol", lambda: basins(BLOCK, {"x": [1.0]}, Strobe(T), start={"v": 0}, tol=math.inf)),
+    "tol nan": ("tol", lambda: basins(BLOCK, {"x": [1.0]}, Strobe(T), x0={"v": 0}, tol=math.nan)),
+    "tol negative": ("tol", lambda: basins(BLOCK, {"x": [1.0]}, Strobe(T), x0={"v": 0}, tol=-1)),
+    "tol inf": ("tol", lambda: basins(BLOCK, {"x": [1.0]}, Strobe(T), x0={"v": 0}, tol=math.inf)),
     "direction": ("direction", lambda: Return(x, direction="abc")),
     "carry": ("carry", lambda: orbit_diagram(BLOCK, k, [1.0], START, Strobe(T), carry="abc")),
     "period of a rig": ("period", lambda: prescribed_motion(Dahl(), position=sp.sin(t), period="abc")),
@@ -91,7 +91,7 @@ REFUSED = {
     "a span beyond floats": ("t_span", lambda: solve(BLOCK, (0, 10**400), START)),
     "an expression beyond floats": ("rates", lambda: System({x: -(10**5000)})),
     "periods beyond memory": ("periods", lambda: swept(periods=2**60)),
-    "longest of Period": ("longest", lambda: Period(longest="abc")),
+    "max_count of Period": ("max_count", lambda: Period(max_count="abc")),
     "last of Points": ("last", lambda: Points("x", last=-1)),
     "law of a scene": ("law", lambda: force_driven("Coulomb", 1)),
     "start of a Scene": ("start", lambda: Scene("s", BLOCK, 5, (0, 1))),
@@ -157,9 +157,9 @@ def test_a_misspelt_argument_is_refused_in_the_name_of_what_was_called(name):
 
 
 TOOLS = {
-    "sweep": lambda **given: sweep(BLOCK, {"k": [2.0]}, start=START, seen=Strobe(T), **given),
-    "make_plan": lambda **given: make_plan(BLOCK, {"k": [2.0]}, start=START, seen=Strobe(T), **given),
-    "basins": lambda **given: basins(BLOCK, {"x": [1.0]}, Strobe(T), start={"v": 0}, **given),
+    "sweep": lambda **given: sweep(BLOCK, {"k": [2.0]}, x0=START, seen=Strobe(T), **given),
+    "make_plan": lambda **given: make_plan(BLOCK, {"k": [2.0]}, x0=START, seen=Strobe(T), **given),
+    "basins": lambda **given: basins(BLOCK, {"x": [1.0]}, Strobe(T), x0={"v": 0}, **given),
     "orbit_diagram": lambda **given: orbit_diagram(BLOCK, k, [1.0], START, Strobe(T), **given),
     "find_orbit": lambda **given: find_orbit(BLOCK, START, seen=Strobe(T), **given),
     "lyapunov_exponents": lambda **given: lyapunov_exponents(BLOCK, START, 10.0, **given),
@@ -172,7 +172,7 @@ TOOLS = {
 }
 
 
-@pytest.mark.parametrize("option", ["t_eval", "dense_output", "with_respect_to", "local", "threads", "foo"])
+@pytest.mark.parametrize("option", ["t_eval", "dense_output", "by", "local", "threads", "foo"])
 @pytest.mark.parametrize("tool", TOOLS)
 def test_a_tool_refuses_by_name_what_it_cannot_pass_on_to_solve(tool, option):
     with pytest.raises(TypeError, match=rf"^{tool}\(\) has no argument `{option}`"):
@@ -184,7 +184,7 @@ def test_parameters_of_a_tool_are_those_of_its_system():
     orbit = find_orbit(BLOCK, START, seen=Strobe(T), transient=20, parameters={k: 2})
     assert orbit.system.parameters == {k: 2}
     assert orbit.x.tolist() == find_orbit(stiffer, START, seen=Strobe(T), transient=20).x.tolist()
-    again = {"start": START, "seen": Strobe(T), "measures": ["amplitude(x)"], "transient": 2, "periods": 2}
+    again = {"x0": START, "seen": Strobe(T), "measures": ["amplitude(x)"], "transient": 2, "periods": 2}
     scene = Scene("block", BLOCK, START, (0, 1), 2 * math.pi)
     for subject in (BLOCK, scene):
         found = sweep(subject, {"v": [0.1]}, parameters={k: 2}, **again)
@@ -206,7 +206,7 @@ def test_maps_refuse_options_that_would_pin_their_parameters():
 
 def test_names_of_other_tools_and_packages_lead_to_ours():
     for call, name in (
-        (lambda: sweep(BLOCK, {"k": [1.0]}, x0=START, seen=Strobe(T)), "start"),
+        (lambda: sweep(BLOCK, {"k": [1.0]}, start=START, seen=Strobe(T)), "x0"),
         (lambda: find_orbit(BLOCK, start=START, seen=Strobe(T)), "x0"),
         (lambda: solve(BLOCK, (0, 1), y0=START), "x0"),
         (lambda: BLOCK.smoothed(epsilon=1e-3), "eps"),
@@ -250,7 +250,7 @@ def test_numbers_are_not_read_from_text():
         "t_eval": lambda: solve(BLOCK, (0, 1), START, t_eval=["0.5"]),
         "atol": lambda: solve(BLOCK, (0, 1), START, atol="1e-3"),
         "rtol": lambda: solve(BLOCK, (0, 1), START, rtol="1e-3"),
-        "axes": lambda: sweep(BLOCK, {"k": ["1", "2"]}, start=START, seen=Strobe(T)),
+        "axes": lambda: sweep(BLOCK, {"k": ["1", "2"]}, x0=START, seen=Strobe(T)),
         "times": lambda: Drive(["0", "1", "2", "3"], [0, 1, 2, 3]),
         "values": lambda: costs.misfit(x, [1], ["2"]),
         "sigma0` of Dahl": lambda: Dahl(sigma0="1e5"),

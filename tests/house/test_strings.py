@@ -57,7 +57,7 @@ def pendulum():
 
 def sweep(**given):
     usual = {
-        "start": START,
+        "x0": START,
         "seen": pwsmooth.Strobe(2 * sp.pi),
         "transient": 1,
         "periods": 1,
@@ -70,12 +70,12 @@ DOORS = {
     "period of sweep": lambda s: sweep(seen=pwsmooth.Strobe(s)),
     "axes of sweep": lambda s: pwsmooth.sweep(SYSTEM, {s: [1.0]}, seen=pwsmooth.Strobe(1)),
     "values of an axis": lambda s: pwsmooth.sweep(SYSTEM, {"k": [s]}, seen=pwsmooth.Strobe(1)),
-    "start of sweep": lambda s: sweep(start={"x": s, "v": 0}),
+    "start of sweep": lambda s: sweep(x0={"x": s, "v": 0}),
     "measures": lambda s: sweep(measures=[s]),
     "quantities of a measure": lambda s: sweep(measures=[f"amplitude({s})"]),
     "units": lambda s: sweep(units={"x": s}),
     "noise of sweep": lambda s: sweep(noise=s),
-    "period of basins": lambda s: pwsmooth.basins(SYSTEM, {"x": [1.0]}, pwsmooth.Strobe(s), start={"v": 0}),
+    "period of basins": lambda s: pwsmooth.basins(SYSTEM, {"x": [1.0]}, pwsmooth.Strobe(s), x0={"v": 0}),
     "period of orbit_diagram": lambda s: pwsmooth.orbit_diagram(SYSTEM, "k", [1.0], START, pwsmooth.Strobe(s)),
     "period of a carried diagram": lambda s: pwsmooth.orbit_diagram(
         SYSTEM, "k", [1.0], START, pwsmooth.Strobe(s), carry=True
@@ -155,8 +155,8 @@ DOORS = {
     "force": lambda s: scenes.force_driven(Coulomb(), s),
     "normal": lambda s: scenes.force_driven(Coulomb(), 1, normal=s),
     "parameters of a force": lambda s: scenes.force_driven(Coulomb(), k, parameters={k: s}),
-    "start of assemble": lambda s: scenes.assemble({x: v}, Dahl().attach(velocity=v), start={x: s, v: 1}),
-    "start of a scene": lambda s: scenes.friction_oscillator(Coulomb(), start=(s, 0)),
+    "start of assemble": lambda s: scenes.assemble({x: v}, Dahl().attach(velocity=v), x0={x: s, v: 1}),
+    "start of a scene": lambda s: scenes.friction_oscillator(Coulomb(), x0=(s, 0)),
     "parameters of a scene": lambda s: scenes.pressed_block(Hertz(), k, parameters={k: s}),
 }  # fmt: skip
 

@@ -276,7 +276,7 @@ def test_a_sweep_of_local_runs_has_the_bits_of_solve_on_threads_and_on_a_cluster
     def swept(**more):
         measure = Function(quakes, names=("avalanches", "moment"))
         return sweep(
-            system, {"k": stiffness}, start=start, t_span=(0, 20), measures=[measure], record=Recorder(), chunk=1,
+            system, {"k": stiffness}, x0=start, t_span=(0, 20), measures=[measure], record=Recorder(), chunk=1,
             progress=False, **more,
         )  # fmt: skip
 
@@ -309,9 +309,9 @@ def test_a_sweep_says_what_a_recorder_cannot_do_there(options, words):
     system, start = train(150)
     arguments = {"measures": [Function(quakes, names=("avalanches", "moment"))], "t_span": (0, 1)} | options
     with pytest.raises((ValueError, TypeError), match=words):
-        sweep(system, {"k": [1.0]}, start=start, **arguments)
+        sweep(system, {"k": [1.0]}, x0=start, **arguments)
     with pytest.raises(ValueError, match="`record` is given, but its elements are written out"):
-        sweep(System({sp.Symbol("x", real=True): 1}), t_span=(0, 1), start=[0], points={"t": [0.0]}, measures=quakes,
+        sweep(System({sp.Symbol("x", real=True): 1}), t_span=(0, 1), x0=[0], points={"t": [0.0]}, measures=quakes,
               record=Recorder())  # fmt: skip
 
 

@@ -183,7 +183,7 @@ def test_seconds_bound_a_long_call_whole():
 @pytest.mark.parametrize("value", [0, -1, np.nan, "long"])
 def test_a_bound_on_seconds_is_a_positive_number(value):
     for call in (lambda: solve(DRIVEN, (0, 1), START, max_seconds=value),
-                 lambda: sweep(DRIVEN, {"k": [1.0]}, start=START, t_span=(0, 1), max_seconds=value),
+                 lambda: sweep(DRIVEN, {"k": [1.0]}, x0=START, t_span=(0, 1), max_seconds=value),
                  lambda: ensemble(FREE, (0, 1), START, Diffusion({v: 1}, step=1), 2, max_seconds=value)):  # fmt: skip
         with pytest.raises((ValueError, TypeError), match="`max_seconds`"):
             call()
@@ -193,7 +193,7 @@ def test_a_bound_on_seconds_is_a_positive_number(value):
 def test_points_that_a_sweep_has_no_time_for_say_so_and_run_later(clocked, tmp_path):
     events = [Event(every=1000, update={x: x})] if clocked else []
     system = System({x: v, v: sp.cos(t) - k * x - v / 5}, time=t, parameters={k: 1}, events=events)
-    asked = dict(start=START, measures=["counts"], max_steps=2**40, workers=2, chunk=1)
+    asked = dict(x0=START, measures=["counts"], max_steps=2**40, workers=2, chunk=1)
     values = [1.0 + i / 10 for i in range(6)]
     late = sweep(system, {"k": values}, t_span=(0, 1e8), max_seconds=0.2, **asked)
     assert (late.outcome == Outcome.TIME_LIMIT).any() and "time_limit" in late.outcome.attrs["flag_meanings"]
@@ -214,7 +214,7 @@ from pwsmooth.sweep import Function
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job begins deaf to it
 t, x, v, k = sp.symbols("t x v k", real=True)
 system = System({x: v, v: sp.cos(t) - k*x - v/5 - sp.sign(v)/4}, time=t, parameters={k: 1})
-options = dict(start={"x": 1, "v": 0}, measures=["counts"], max_steps=2**50, workers=2, chunk=2)
+options = dict(x0={"x": 1, "v": 0}, measures=["counts"], max_steps=2**50, workers=2, chunk=2)
 sweep(system, {"k": [1.0, 2.0]}, t_span=(0, 5), **options)
 print("begun", flush=True)
 try:

@@ -156,10 +156,10 @@ def test_a_cost_is_lowered_once_for_a_system_at_any_values(monkeypatch):
     stop = event_time("sgn(v)", "stick")
     for friction, speed in ((2.0, 4.0), (1.0, 3.0)):
         changed = body.with_parameters({mu: friction})
-        value, gradient = value_and_gradient(changed, stop, (0, 9), {x: 0, v: speed}, with_respect_to=[mu, "v"])
+        value, gradient = value_and_gradient(changed, stop, (0, 9), {x: 0, v: speed}, by=[mu, "v"])
         assert value == pytest.approx(speed / friction)
         assert gradient == pytest.approx([-speed / friction**2, 1 / friction])
     assert len(lowered) == 1
-    value_and_gradient(body, final(x), (0, 9), {x: 0, v: 4}, with_respect_to=[mu])
+    value_and_gradient(body, final(x), (0, 9), {x: 0, v: 4}, by=[mu])
     assert len(lowered) == 2
     pickle.loads(pickle.dumps(body))  # without what this process keeps of it

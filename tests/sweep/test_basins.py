@@ -50,7 +50,7 @@ def test_the_relaxing_oscillator_has_its_three_attractors():
     # The asymmetric pair and the slip-only orbit of rho = 0, which takes a few of a hundred starts
     # (spec/solid_friction.md section 4: 3-8 % of random starts).
     grid = {"y": np.linspace(-2, 2, 12), "v": np.linspace(-3, 3, 12)}
-    found = basins(hidden(), grid, Strobe(2 * sp.pi), start={z: 0}, transient=150)
+    found = basins(hidden(), grid, Strobe(2 * sp.pi), x0={z: 0}, transient=150)
     assert len(found.attractors) == 3
     kinds = [{kind for _, kind, _ in orbit.word} for orbit in found.attractors]
     assert kinds.count({"crossing"}) == 1
@@ -111,7 +111,7 @@ def test_a_parameter_among_the_axes_has_the_attractors_of_each_of_its_values():
     y = sp.Symbol("y", real=True)
     clock = Event(sp.sin(2 * sp.pi * t - 1), direction=1, update={x: c * x * (1 - x), y: y / 2})
     system = System({x: 0 * x, y: 0 * y}, time=t, parameters={c: 2.0}, events=[clock])
-    found = basins(system, {x: [0.2, 0.4], c: [2.0, 2.5, 2.8]}, Strobe(1), start={y: 2 * x + c}, transient=60)
+    found = basins(system, {x: [0.2, 0.4], c: [2.0, 2.5, 2.8]}, Strobe(1), x0={y: 2 * x + c}, transient=60)
     assert found.labels.shape == (2, 3) and len(found.attractors) == 3
     for row in found.labels:
         ends = [found.attractors[k] for k in row]
@@ -120,9 +120,9 @@ def test_a_parameter_among_the_axes_has_the_attractors_of_each_of_its_values():
             [1 - 1 / value for value in (2.0, 2.5, 2.8)], abs=1e-9
         )
     with pytest.raises(ValueError, match="'y' has no axis"):
-        basins(system, {x: [0.2], c: [2.0]}, Strobe(1), start={y: y + x})
+        basins(system, {x: [0.2], c: [2.0]}, Strobe(1), x0={y: y + x})
     with pytest.raises(ValueError, match="`axes` has no state"):
-        basins(system, {c: [2.0]}, Strobe(1), start={x: 0.2, y: 0})
+        basins(system, {c: [2.0]}, Strobe(1), x0={x: 0.2, y: 0})
 
 
 x_, v_ = sp.symbols("x v", real=True)
@@ -143,7 +143,7 @@ def test_what_a_start_comes_to_has_its_name(rates, speed, kind):
 @pytest.mark.parametrize("loss", [v_ / 5, sp.sign(v_) / 5, v_**3], ids=["spiral", "dry", "slow spiral"])
 def test_what_comes_to_rest_before_its_section_is_no_orbit(loss):
     found = basins(
-        System({x_: v_, v_: -x_ - loss}), {x_: [1.0, 2.0]}, seen=Return(v_), start={v_: 0}, transient=20
+        System({x_: v_, v_: -x_ - loss}), {x_: [1.0, 2.0]}, seen=Return(v_), x0={v_: 0}, transient=20
     )
     assert (found.labels == UNSETTLED).all() and not found.attractors
     assert found.kinds.tolist() == ["rest"] * 2

@@ -24,7 +24,7 @@ def logistic(**values):
 def doubling(**more):
     """From a fixed point through 2, 4, 8 points to chaos."""
     arguments = dict(
-        start={x: 0.3}, seen=Strobe(1), transient=100, periods=60, measures=[Points("x", last=61), Period()]
+        x0={x: 0.3}, seen=Strobe(1), transient=100, periods=60, measures=[Points("x", last=61), Period()]
     )
     return make_plan(logistic(), {c: VALUES}, **arguments | more)
 
@@ -46,7 +46,7 @@ def test_the_default_order_has_every_point_once_and_the_first_of_them_spread(sha
 def test_a_complete_refinement_is_the_sweep_to_the_bit(workers):
     plan = doubling()
     whole = sweep(
-        logistic(), {c: VALUES}, start={x: 0.3}, seen=Strobe(1), transient=100, periods=60,
+        logistic(), {c: VALUES}, x0={x: 0.3}, seen=Strobe(1), transient=100, periods=60,
         measures=[Points("x", last=61), Period()], progress=False,
     )  # fmt: skip
     assert plan.dataset(refine(plan, settle=None, workers=workers)).identical(whole)
@@ -98,7 +98,7 @@ def test_an_orbit_diagram_of_sticks_is_the_same_whether_refined_or_not():
     plan = make_plan(
         hidden(),
         {"rho": values},
-        start=START,
+        x0=START,
         seen=Strobe(DRIVE),
         transient=60,
         periods=20,
@@ -118,7 +118,7 @@ def test_a_refinement_ends_when_it_is_closed_and_when_its_budget_is_spent():
     assert values["x_points"].shape == (40, 61)
     chunks.close()
     assert next(chunks, None) is None
-    assert len(list(refine(plan, budget=1e-9))) == 1
+    assert len(list(refine(plan, max_seconds=1e-9))) == 1
     some = plan.dataset(refine(plan, [3, 1]))
     assert np.flatnonzero(some.outcome.values >= 0).tolist() == [1, 3]
 
@@ -129,23 +129,21 @@ def test_bad_orders_and_budgets_are_refused_before_anything_runs():
         with pytest.raises(error, match="`order`"):
             refine(plan, bad)
     with pytest.raises(ValueError, match="`budget` is 0"):
-        refine(plan, budget=0)
+        refine(plan, max_seconds=0)
     with pytest.raises(ValueError, match="`settle` is -1"):
         refine(plan, settle=-1)
     with pytest.raises(TypeError, match="`plan` is"):
         refine((plan, 1))
     with pytest.raises(ValueError, match="`axes` names 'c', which is no state"):
-        refine_basins(logistic(), {c: [2.5]}, Strobe(1), start={x: 0.3})
+        refine_basins(logistic(), {c: [2.5]}, Strobe(1), x0={x: 0.3})
 
 
 def test_refined_basins_are_those_of_all_starts_run_to_the_end():
     # Three attractors, of which one takes a few of a hundred starts: see test_basins.py.
     grid = {"y": np.linspace(-2, 2, 14), "v": np.linspace(-3, 3, 14)}
-    whole = basins(hidden(), grid, Strobe(2 * sp.pi), start={z: 0}, transient=150)
+    whole = basins(hidden(), grid, Strobe(2 * sp.pi), x0={z: 0}, transient=150)
     labels, found = np.full(14 * 14, -9), []
-    for indices, some, attractors in refine_basins(
-        hidden(), grid, Strobe(2 * sp.pi), start={z: 0}, transient=150
-    ):
+    for indices, some, attractors in refine_basins(hidden(), grid, Strobe(2 * sp.pi), x0={z: 0}, transient=150):
         assert [a.x.tolist() for a in attractors[: len(found)]] == [a.x.tolist() for a in found]
         labels[indices], found = some, attractors
     assert len(found) == len(whole.attractors) == 3 and all(orbit.stable for orbit in found)

@@ -57,7 +57,7 @@ def chua_returns(value, count):
 @pytest.mark.parametrize("section, direction", [(u, -1), (u, 1), (x, 1), (x - k, -1)])
 def test_an_oscillator_driven_by_friction_has_its_closed_form_on_every_section(section, direction):
     found = sweep(
-        ACTIVE, {"k": [0.5, 2.0]}, start=OUTSIDE, seen=Return(section, direction=direction),
+        ACTIVE, {"k": [0.5, 2.0]}, x0=OUTSIDE, seen=Return(section, direction=direction),
         measures=["period", "itinerary", "amplitude(x)", "counts"], units={"t": "s"},
     )  # fmt: skip
     # Errors of a turn, some RTOL of the states, die out by Q**2 a turn.
@@ -74,7 +74,7 @@ def test_an_oscillator_driven_by_friction_has_its_closed_form_on_every_section(s
 def test_a_smoothed_view_is_measured_from_return_to_return_too():
     eps = 1e-3
     found = sweep(
-        ACTIVE.smoothed(eps), {"k": [1.0]}, start=OUTSIDE, seen=Return(x), transient=30, periods=6,
+        ACTIVE.smoothed(eps), {"k": [1.0]}, x0=OUTSIDE, seen=Return(x), transient=30, periods=6,
         measures=["period", "amplitude(x)"],
     )  # fmt: skip
     assert int(found.period[0]) == 1
@@ -125,7 +125,7 @@ def test_a_function_sees_the_run_to_the_last_return_and_the_times_of_all():
         return {"last": solution["x"][-1], "same": same}
 
     found = sweep(
-        ACTIVE, {"k": [0.5, 2.0]}, start=OUTSIDE, seen=Return(u), periods=3,
+        ACTIVE, {"k": [0.5, 2.0]}, x0=OUTSIDE, seen=Return(u), periods=3,
         measures=["points(x)", Function(seen, names=("last", "same"))],
     )  # fmt: skip
     assert found["last"].values.tolist() == found.x_points.values[:, -1].tolist()
@@ -155,7 +155,7 @@ def test_the_wall_of_an_impact_can_be_the_section():
     wall = Event(1 - x, direction=-1, update={u: -u / 2})
     excited = System({x: u, u: -x + u / 5}, events=[wall])
     found = sweep(
-        excited, {"u": [0.0, 0.1]}, start={"x": 0.5}, seen=Return(x - 1), measures=["period", "points(x, u)"]
+        excited, {"u": [0.0, 0.1]}, x0={"x": 0.5}, seen=Return(x - 1), measures=["period", "points(x, u)"]
     )
     orbit = find_orbit(excited, {x: 0.5, u: 0}, seen=Return(x), transient=50)
     np.testing.assert_allclose(found.period_time, orbit.period, rtol=100 * RTOL)
@@ -166,7 +166,7 @@ def test_an_orbit_that_does_not_come_back_costs_no_other_one():
     # It spirals into the origin from within |x| < 1 and is driven beyond.
     spiral = System({x: u, u: -x - u * sp.sign(1 - x**2 - u**2) / 4})
     found = sweep(
-        spiral, {"x": [0.5, 1.5]}, start={"u": 0}, seen=Return(u - sp.Rational(1, 10), longest=20), transient=0,
+        spiral, {"x": [0.5, 1.5]}, x0={"u": 0}, seen=Return(u - sp.Rational(1, 10), longest=20), transient=0,
         periods=2, measures=["period", "amplitude(x)"],
     )  # fmt: skip
     assert found.outcome.values.tolist() == [NO_RETURN, Outcome.FINISHED]
@@ -174,7 +174,7 @@ def test_an_orbit_that_does_not_come_back_costs_no_other_one():
     assert words[NO_RETURN] == "no_return_to_the_section"
     assert np.isnan(found.x_amplitude[0]) and np.isfinite(found.x_amplitude[1])
     ended = System({x: u, u: -x}, events=[Event(u + x - 2, terminal=True)])
-    found = sweep(ended, {"x": [1.0, 3.0]}, start={"u": 0}, seen=Return(u), measures=["period", "amplitude(x)"])
+    found = sweep(ended, {"x": [1.0, 3.0]}, x0={"u": 0}, seen=Return(u), measures=["period", "amplitude(x)"])
     assert found.outcome.values.tolist() == [Outcome.FINISHED, Outcome.TERMINATED]
     assert np.isnan(found.x_amplitude[1]) and int(found.period[1]) == -1
 
@@ -229,9 +229,9 @@ def test_every_start_without_an_attractor_has_its_reason():
     )
     chaotic = basins(logistic, {x: [0.3, 0.4]}, Strobe(1), transient=50)
     assert [reason.split(":")[0] for reason in chaotic.reasons] == ["unsettled"] * 2
-    resting = basins(System({x: u, u: -x - u}), {x: [1.0]}, start={u: 0}, seen=Return(u - 1), transient=5)
+    resting = basins(System({x: u, u: -x - u}), {x: [1.0]}, x0={u: 0}, seen=Return(u - 1), transient=5)
     assert resting.labels.tolist() == [UNSETTLED] and resting.reasons[0].startswith("no return")
-    swinging = basins(System({x: u, u: -x}), {x: [1.0, 2.0]}, start={u: 0}, seen=Return(u), transient=5)
+    swinging = basins(System({x: u, u: -x}), {x: [1.0, 2.0]}, x0={u: 0}, seen=Return(u), transient=5)
     assert swinging.labels.tolist() == [UNSETTLED] * 2 and "a multiplier of size 1" in swinging.reasons[0]
 
 
@@ -249,8 +249,8 @@ def test_every_start_without_an_attractor_has_its_reason():
 @pytest.mark.parametrize("door", ["sweep", "basins", "orbit_diagram", "carried"])
 def test_refusals_name_the_argument_and_the_remedy(door, change, words):
     doors = {
-        "sweep": lambda: sweep(ACTIVE, {"k": [1.0]}, start=OUTSIDE, measures="period", **change),
-        "basins": lambda: basins(ACTIVE, {x: [1.0]}, start={u: 0}, **change),
+        "sweep": lambda: sweep(ACTIVE, {"k": [1.0]}, x0=OUTSIDE, measures="period", **change),
+        "basins": lambda: basins(ACTIVE, {x: [1.0]}, x0={u: 0}, **change),
         "orbit_diagram": lambda: orbit_diagram(ACTIVE, k, [1.0], OUTSIDE, **change),
         "carried": lambda: orbit_diagram(ACTIVE, k, [1.0], OUTSIDE, carry=True, **change),
     }
@@ -263,8 +263,8 @@ def test_refusals_name_the_argument_and_the_remedy(door, change, words):
 def test_a_system_with_a_drive_has_no_section():
     system, _ = impacting(sp.Rational(1, 100))
     for call in (
-        lambda: sweep(system, {"x": [0.0]}, start={u: 0}, seen=Return(u), measures="period"),
-        lambda: basins(system, {x: [0.0]}, start={u: 0}, seen=Return(u)),
+        lambda: sweep(system, {"x": [0.0]}, x0={u: 0}, seen=Return(u), measures="period"),
+        lambda: basins(system, {x: [0.0]}, x0={u: 0}, seen=Return(u)),
     ):
         with pytest.raises(ValueError, match=r"depends on time.*Give Strobe\(period\)"):
             call()

@@ -41,7 +41,7 @@ def test_a_point_has_the_bits_of_a_solve(name):
     system, start = SYSTEMS[name]
     axes = {"k": [1.7, 3.1, 4.6], "sigma": [0.8, 1.2, 2.4]}
     found = sweep(
-        system, axes, start=start, seen=Strobe(DRIVE), transient=3, periods=4, measures=["points", "counts"]
+        system, axes, x0=start, seen=Strobe(DRIVE), transient=3, periods=4, measures=["points", "counts"]
     )
     for k in axes["k"]:
         for sigma in axes["sigma"]:
@@ -55,7 +55,7 @@ def test_a_point_has_the_bits_of_a_solve(name):
 
 def test_a_phase_is_where_runs_begin_and_are_seen():
     found = sweep(
-        coulomb(), {"sigma": [1.2, 2.4]}, start=MOVING, seen=Strobe(DRIVE, phase=0.25), transient=3, periods=4,
+        coulomb(), {"sigma": [1.2, 2.4]}, x0=MOVING, seen=Strobe(DRIVE, phase=0.25), transient=3, periods=4,
         measures=["points"],
     )  # fmt: skip
     first = 0.25 * 2 * math.pi
@@ -98,7 +98,7 @@ def test_compiled_measures_agree_with_those_of_the_solution(name):
     ],
 )
 def test_reference_orbits_of_the_specification(system, start, stick, sticks, words):
-    found = sweep(system, {"sigma": [2.4]}, start=start, seen=Strobe(DRIVE), transient=60, periods=10).squeeze()
+    found = sweep(system, {"sigma": [2.4]}, x0=start, seen=Strobe(DRIVE), transient=60, periods=10).squeeze()
     assert abs(float(found.stick_time) - stick) < 1.5e-9  # two rounded durations of nine digits
     assert float(found.sticks) == sticks and int(found.period) == 1
     assert str(found.itinerary.item()) in words
@@ -110,7 +110,7 @@ def test_den_hartog_amplitude():
     u = sp.Symbol("u", real=True)
     block = System({x: u, u: sp.sin(w * t) - x - F * Switch("lam", u)}, time=t, parameters={w: 0.7, F: 0.2})
     found = sweep(
-        block, {"w": [0.7, 0.8, 1.3]}, start={"x": 0, "u": 1}, seen=Strobe(2 * sp.pi / w), transient=400, periods=4,
+        block, {"w": [0.7, 0.8, 1.3]}, x0={"x": 0, "u": 1}, seen=Strobe(2 * sp.pi / w), transient=400, periods=4,
         measures=["amplitude(x)", "sticks"],
     )  # fmt: skip
     ws = found.w.values
@@ -126,9 +126,9 @@ def test_periods_of_a_subharmonic_drive():
     q = sp.symbols("q", positive=True)
     follower = System({x: -a * x + sp.sin(q * t)}, time=t, parameters={a: 1, q: 1})
     found = sweep(
-        follower, {"q": [1, 1 / 2, 1 / 3, math.sqrt(2)]}, start={"x": 0}, seen=Strobe(2 * sp.pi), transient=10,
+        follower, {"q": [1, 1 / 2, 1 / 3, math.sqrt(2)]}, x0={"x": 0}, seen=Strobe(2 * sp.pi), transient=10,
         periods=12,
-        measures=[Period(longest=4, tol=1e-7), "points"],
+        measures=[Period(max_count=4, tol=1e-7), "points"],
     )  # fmt: skip
     assert found.period.values.tolist() == [1, 2, 3, 0]
     w = found.q.values[:, None]
@@ -139,7 +139,7 @@ def test_periods_of_a_subharmonic_drive():
 
 def test_rest_is_one_long_stick():
     found = sweep(
-        coulomb(), {"sigma": [0.3, 0.9]}, start={"y": 0, "v": 0}, seen=Strobe(DRIVE), transient=1, periods=5
+        coulomb(), {"sigma": [0.3, 0.9]}, x0={"y": 0, "v": 0}, seen=Strobe(DRIVE), transient=1, periods=5
     )
     np.testing.assert_allclose(found.stick_time, 2 * math.pi, rtol=20 * EPS)
     assert found.itinerary.values.tolist() == ["S", "S"] and found.sticks.values.tolist() == [0, 0]
@@ -149,7 +149,7 @@ def test_rest_is_one_long_stick():
 def test_chunks_and_threads_change_no_bit(chunk, workers):
     def run(chunk, workers):
         return sweep(
-            hidden().layered({z: sp.oo}), {"k": np.linspace(1.5, 5, 5), "sigma": np.linspace(0.6, 3, 5)}, start=MOVING,
+            hidden().layered({z: sp.oo}), {"k": np.linspace(1.5, 5, 5), "sigma": np.linspace(0.6, 3, 5)}, x0=MOVING,
             seen=Strobe(DRIVE), transient=5, periods=4, measures=["sticks", "itinerary", "points", "statistics(y)"],
             chunk=chunk, workers=workers,
         )  # fmt: skip
@@ -180,14 +180,14 @@ def test_failures_are_recorded_and_cost_no_other_point():
 
 def test_too_many_steps_is_an_outcome():
     found = sweep(
-        coulomb(), {"sigma": [1.2, 2.4]}, start=MOVING, seen=Strobe(DRIVE), max_steps=50, measures="counts"
+        coulomb(), {"sigma": [1.2, 2.4]}, x0=MOVING, seen=Strobe(DRIVE), max_steps=50, measures="counts"
     )
     assert (found.outcome == Outcome.TOO_MANY_STEPS).all() and (found.steps == 50).all()
 
 
 def test_a_terminal_event_ends_an_orbit_early():
     fall = System({x: -a}, parameters={a: 1}, events=[Event(x, terminal=True, name="floor")])
-    found = sweep(fall, {"a": [0.5, 1, 2]}, start={"x": 3}, t_span=(0, 4), measures=["extremes(x)", "counts"])
+    found = sweep(fall, {"a": [0.5, 1, 2]}, x0={"x": 3}, t_span=(0, 4), measures=["extremes(x)", "counts"])
     assert found.outcome.values.tolist() == [Outcome.FINISHED, Outcome.TERMINATED, Outcome.TERMINATED]
     np.testing.assert_allclose(found.t_reached, [4, 3, 1.5], rtol=4 * EPS)
     np.testing.assert_allclose(found.x_min, [1, 0, 0], atol=4 * EPS)
@@ -195,7 +195,7 @@ def test_a_terminal_event_ends_an_orbit_early():
 
 def test_a_list_of_points_times_a_grid():
     found = sweep(
-        coulomb(), {"v": [0.1, 0.3]}, points={"k": [2, 3, 4], "sigma": [0.7, 1.2, 2.4]}, start={"y": 0.5},
+        coulomb(), {"v": [0.1, 0.3]}, points={"k": [2, 3, 4], "sigma": [0.7, 1.2, 2.4]}, x0={"y": 0.5},
         seen=Strobe(DRIVE),
         transient=2, periods=2, measures=Points("y", last=1), units={"k": "N/m", "v": "m/s", "y": "m"},
     )  # fmt: skip
@@ -210,7 +210,7 @@ def test_the_start_time_is_an_axis():
     found = sweep(
         coulomb(),
         {"t": [0, 1.5]},
-        start=MOVING,
+        x0=MOVING,
         seen=Strobe(DRIVE),
         transient=0,
         periods=1,
@@ -222,7 +222,7 @@ def test_the_start_time_is_an_axis():
 
 def test_an_itinerary_does_not_depend_on_the_phase_at_which_it_is_read():
     found = sweep(
-        hidden().layered({z: sp.oo}), {"t": [0, 1, 2, 3, 4, 5]}, start=MOVING, seen=Strobe(DRIVE), transient=60,
+        hidden().layered({z: sp.oo}), {"t": [0, 1, 2, 3, 4, 5]}, x0=MOVING, seen=Strobe(DRIVE), transient=60,
         periods=6,
         measures=["itinerary", "sticks"],
     )  # fmt: skip
@@ -237,7 +237,7 @@ def test_a_swept_layer_ratio_and_time_events_reach_the_orbit():
     found = sweep(
         layered,
         {name: [0.01, 0.3]},
-        start=MOVING,
+        x0=MOVING,
         seen=Strobe(DRIVE),
         transient=3,
         periods=2,
@@ -249,7 +249,7 @@ def test_a_swept_layer_ratio_and_time_events_reach_the_orbit():
     every = sp.Symbol("every", positive=True)
     sampled = System({x: -x}, parameters={every: 1}, events=[Event(every=every, update={x: x + 1})])
     found = sweep(
-        sampled, {"every": [0.3, 1, 7]}, start={"x": 0}, t_span=(0, 5.05), measures=["points(x)", "counts"]
+        sampled, {"every": [0.3, 1, 7]}, x0={"x": 0}, t_span=(0, 5.05), measures=["points(x)", "counts"]
     )
     assert found.events.values.tolist() == [16, 5, 0]
     # After n kicks, d apart: a geometric sum, and the decay since the last one.
@@ -267,7 +267,7 @@ def test_a_contact_is_closed_for_the_time_that_a_closed_form_says():
     table = Unilateral(x)
     ball = System({x: u, u: -1 + a * t + table.reaction}, time=t, parameters={a: 0.5})
     found = sweep(
-        ball, {"a": [0.5, 0.25]}, start={"x": 0, "u": 0}, t_span=(0, 8), measures=["sticks", "itinerary"]
+        ball, {"a": [0.5, 0.25]}, x0={"x": 0, "u": 0}, t_span=(0, 8), measures=["sticks", "itinerary"]
     )
     np.testing.assert_allclose(found.stick_time, [2, 4], rtol=1e-9)
     assert found.itinerary.values.tolist() == ["c o", "c o"]
@@ -280,7 +280,7 @@ def test_functions_of_the_solution_and_what_they_raise():
         return float(np.sum(np.array([e.time for e in solution.events]) > window.start))
 
     found = sweep(
-        coulomb(), {"sigma": [1.2, 2.4]}, start=MOVING, seen=Strobe(DRIVE), transient=4, periods=3,
+        coulomb(), {"sigma": [1.2, 2.4]}, x0=MOVING, seen=Strobe(DRIVE), transient=4, periods=3,
         measures=["counts", late_events, Function(lambda s: {"a": s["y"][-1], "b": 2}, names=("a", "b"))],
     )  # fmt: skip
     assert float(found.late_events[0]) == int(found.events[0])
@@ -293,7 +293,7 @@ def test_functions_of_the_solution_and_what_they_raise():
 def test_a_smoothed_view_is_swept_point_by_point():
     smooth = hidden().smoothed(eps=0.1)
     found = sweep(
-        smooth, {"sigma": [2.4]}, start=MOVING | {"z": 0}, seen=Strobe(DRIVE), transient=400, periods=4,
+        smooth, {"sigma": [2.4]}, x0=MOVING | {"z": 0}, seen=Strobe(DRIVE), transient=400, periods=4,
         measures=["extremes(y)", "period", "points(y)", "statistics(y)"],
     ).squeeze()  # fmt: skip
     # The specification's table: smoothed, eps = beta = 0.1, max y = 1.2808, printed to four digits.
@@ -319,7 +319,7 @@ def test_extremes_between_steps_are_found():
     found = sweep(
         spring,
         {"a": [1, 4, 9]},
-        start={"x": 0, "u": 1},
+        x0={"x": 0, "u": 1},
         t_span=(0, 6),
         measures=["extremes(x, u)", "amplitude(x)"],
     )
@@ -333,7 +333,7 @@ def test_extremes_between_steps_are_found():
 def test_refused_combinations_are_recorded():
     c = sp.Symbol("c", real=True)
     pole = System({x: -x / (a - c)}, parameters={a: 1, c: 0.5})
-    found = sweep(pole, {"a": [1, 2], "c": [0.5, 1]}, start={"x": 1}, t_span=(0, 1), measures="points(x)")
+    found = sweep(pole, {"a": [1, 2], "c": [0.5, 1]}, x0={"x": 1}, t_span=(0, 1), measures="points(x)")
     assert (found.outcome.values < 0).tolist() == [[False, True], [False, False]]
 
 
@@ -341,7 +341,7 @@ def test_noise_is_swept_by_trajectory_whatever_the_chunks():
     """Kicks of y and v at regular times: every trajectory has the bits of its own solve."""
     kicks = Kicks(1e-3, every=0.7, on=("y", "v"), seed=5)
     arguments = dict(
-        start=MOVING, seen=Strobe(DRIVE), transient=1, periods=2, measures=["points(y)", "sticks", "counts"]
+        x0=MOVING, seen=Strobe(DRIVE), transient=1, periods=2, measures=["points(y)", "sticks", "counts"]
     )
     found = sweep(coulomb(), {"trajectory": range(4)}, noise=kicks, chunk=1, **arguments)
     assert found.identical(
@@ -362,7 +362,7 @@ def test_the_largest_exponent_of_a_linear_system_is_its_real_part():
     u = sp.Symbol("u", real=True)
     spring = System({x: u, u: -4 * x - 2 * a * u + sp.sin(t)}, time=t, parameters={a: 0.1})
     found = sweep(
-        spring, {"a": [0.1, 0.3]}, start={"x": 1, "u": 0}, seen=Strobe(2 * sp.pi), transient=3, periods=40,
+        spring, {"a": [0.1, 0.3]}, x0={"x": 1, "u": 0}, seen=Strobe(2 * sp.pi), transient=3, periods=40,
         measures=["lyapunov"],
     )  # fmt: skip
     # Both multipliers have modulus e^(-a T); the tangent vector turns, which the average feels as 1/T.
@@ -375,7 +375,7 @@ def test_extremes_have_what_the_last_event_leaves(by):
     c = sp.Symbol("c", positive=True)
     event = Event(at=1, update={x: 5}) if by == "clock" else Event(x - 1, update={x: 5}, terminal=True)
     system = System({x: c}, time=t, parameters={c: 1.0}, events=[event], outputs={"twice": 2 * x})
-    found = sweep(system, {"c": [1.0]}, start={"x": 0}, measures=["extremes(x, twice)"], t_span=(0, 1))
+    found = sweep(system, {"c": [1.0]}, x0={"x": 0}, measures=["extremes(x, twice)"], t_span=(0, 1))
     assert found.x_max.values == pytest.approx([5]) and found.twice_max.values == pytest.approx([10])
 
 
@@ -383,7 +383,7 @@ def test_a_sweep_under_a_diffusion_has_numbers_or_says_why_not():
     from pwsmooth import Diffusion
 
     system = System({x: -x / 2})
-    arguments = dict(axes={"trajectory": range(2)}, start={"x": 0}, noise=Diffusion({x: 1}, 1 / 16))
+    arguments = dict(axes={"trajectory": range(2)}, x0={"x": 0}, noise=Diffusion({x: 1}, 1 / 16))
     found = sweep(system, measures=["extremes(x)", "statistics(x)", "points"], t_span=(0, 50), **arguments)
     assert (np.abs(found.x_rms.values - 1) < 0.4).all() and (found.x_max.values > 0.5).all()  # variance 1
     assert np.isfinite(found.x_points.values).all()

@@ -8,7 +8,7 @@ from pwsmooth import Strobe, System, sweep
 from pwsmooth.sweep import Extremes, Function
 
 DRIVE = 2 * sp.pi / omega
-GOOD = dict(axes={"sigma": [1.2, 2.4]}, start={"y": 0.5, "v": 0.3}, seen=Strobe(DRIVE))
+GOOD = dict(axes={"sigma": [1.2, 2.4]}, x0={"y": 0.5, "v": 0.3}, seen=Strobe(DRIVE))
 x, a, every = sp.symbols("x a every", positive=True)
 
 
@@ -27,7 +27,7 @@ x, a, every = sp.symbols("x a every", positive=True)
         (dict(axes={"sigma": [1]}, points={"sigma": [2]}), ["sigma", "twice"]),
         (dict(axes=None, points={"sigma": [1, 2], "k": [1]}), ["2", "1", "k", "axes="]),
         (dict(axes={"seed": [1, 2]}), ["seed", "noise="]),
-        (dict(start={"y": 1}), ["x0", "v"]),
+        (dict(x0={"y": 1}), ["x0", "v"]),
         (dict(seen=DRIVE), ["`seen` is 2*pi/omega", "Strobe(period)"]),
         (dict(seen=Strobe("2*pi/omga")), ["omga", "Names are"]),
         (dict(seen=Strobe("2*pi/(")), ["`period`", "formula"]),
@@ -70,11 +70,9 @@ def test_no_system_is_refused():
 
 def test_sticks_of_what_cannot_stick_are_refused():
     with pytest.raises(ValueError, match="nothing in this system can stick"):
-        sweep(
-            System({x: -a * x}, parameters={a: 1}), {"a": [1]}, start={"x": 1}, t_span=(0, 1), measures="sticks"
-        )
+        sweep(System({x: -a * x}, parameters={a: 1}), {"a": [1]}, x0={"x": 1}, t_span=(0, 1), measures="sticks")
     with pytest.raises(ValueError, match="no sticks to count"):
-        sweep(hidden().smoothed(eps=0.1), **(GOOD | dict(start={"y": 0, "v": 0, "z": 0})))
+        sweep(hidden().smoothed(eps=0.1), **(GOOD | dict(x0={"y": 0, "v": 0, "z": 0})))
 
 
 def test_values_that_a_parameter_must_not_have_are_refused_before_anything_runs():
@@ -82,7 +80,7 @@ def test_values_that_a_parameter_must_not_have_are_refused_before_anything_runs(
         sweep(
             hidden(),
             {"beta": [0.1, 0.0]},
-            start={"y": 0, "v": 0, "z": 0},
+            x0={"y": 0, "v": 0, "z": 0},
             seen=Strobe(DRIVE),
             measures=Extremes("y"),
         )

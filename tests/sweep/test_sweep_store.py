@@ -41,7 +41,7 @@ AXES = {"k": np.linspace(1.5, 5, 12), "sigma": np.linspace(0.6, 3, 10)}
 
 def run(store=None, **changes):
     arguments = dict(
-        start=START, seen=Strobe(2 * sp.pi / omega), transient=20, periods=8, chunk=3, workers=2, store=store,
+        x0=START, seen=Strobe(2 * sp.pi / omega), transient=20, periods=8, chunk=3, workers=2, store=store,
         measures=["sticks", "itinerary", "period", "points(y)", Amplitude("y")],
     ) | changes  # fmt: skip
     return sweep(coulomb(), AXES, **arguments)
@@ -116,7 +116,7 @@ def test_a_chunk_without_its_mark_is_run_again(tmp_path):
     [
         (dict(transient=4), "transient and periods is 3, 8"),
         (dict(rtol=1e-8), "tolerances"),
-        (dict(start={"y": 0.5, "v": 0.4}), "start is y = 0.5, v = 0.3"),
+        (dict(x0={"y": 0.5, "v": 0.4}), "x0 is y = 0.5, v = 0.3"),
         (dict(measures="sticks"), "measures is"),
         (dict(seen=Strobe(6)), "period is 2*pi/omega"),
         (

@@ -46,7 +46,7 @@ parameters = { c = 0.1 }
 sigma = { from = 1.2, to = 2.4, count = 2 }
 k = [2, 3.1]
 
-[start]
+[x0]
 y = 0.5
 v = 0.3
 
@@ -74,7 +74,7 @@ def test_a_study_gives_what_sweep_gives_and_resumes_only_when_asked(study, tmp_p
     with xarray.open_zarr(tmp_path / "study.zarr", consolidated=False) as opened:
         stored = opened.load()
     expected = sweep(
-        coulomb(), {"sigma": [1.2, 2.4], "k": [2, 3.1]}, start={"y": 0.5, "v": 0.3}, seen=Strobe(2 * np.pi / omega),
+        coulomb(), {"sigma": [1.2, 2.4], "k": [2, 3.1]}, x0={"y": 0.5, "v": 0.3}, seen=Strobe(2 * np.pi / omega),
         transient=3, periods=2, measures=["sticks", "itinerary", lambda s: s["y"][-1]],
     )  # fmt: skip
     assert stored.itinerary.values.tolist() == expected.itinerary.values.tolist()
@@ -185,7 +185,7 @@ def test_a_study_may_count_returns_to_a_section(tmp_path):
     y, v, k = sp.symbols("y v k", real=True)
     belt = System({y: v, v: -k * y + 2 * sp.sign(1 - v) / (1 + sp.Abs(v - 1))}, parameters={k: 3})
     system, arguments = arguments_of(read_study(path), Names({"belt": belt}))
-    found = sweep(system, **arguments | {"start": {y: 0, v: 0}})
+    found = sweep(system, **arguments | {"x0": {y: 0, v: 0}})
     assert found.period.values.tolist() == [1, 1] and (found.sticks == 1).all() and (found.stick_time > 0).all()
 
 

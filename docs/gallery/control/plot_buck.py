@@ -53,7 +53,7 @@ print(f"period doubling at E = {flip.parameter:.8f} V")
 # The diagram is drawn upwards in :math:`E`, each run from where the last one ended.
 values = np.linspace(20, 33.5, 400)
 diagram = orbit_diagram(
-    buck, E, values, orbit.start, Strobe(T), transient=100, keep=60, carry=True
+    buck, E, values, orbit.x0, Strobe(T), transient=100, keep=60, carry=True
 )
 fig, ax = plt.subplots(figsize=(7, 3.4))
 diagram.plot(ax, i)

@@ -59,7 +59,7 @@ duty = np.linspace(0.5, 0.7, 81)
 found = sweep(
     motor,
     {d: duty},
-    start={i: 0, w: 0},
+    x0={i: 0, w: 0},
     seen=Strobe(T),
     transient=400,
     periods=10,

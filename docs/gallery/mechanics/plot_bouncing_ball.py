@@ -47,7 +47,7 @@ print(f"closed form     {exact:.12f}")
 # What comes after it is a cascade to chaos; each run begins at the orbit above.
 values = np.linspace(1.3, 1.9, 301)
 diagram = orbit_diagram(
-    ball, Gamma, values, orbit.start, Strobe(2 * sp.pi), transient=80, keep=60
+    ball, Gamma, values, orbit.x0, Strobe(2 * sp.pi), transient=80, keep=60
 )
 fig, ax = plt.subplots(figsize=(7, 3.6))
 diagram.plot(ax, v)

@@ -59,7 +59,7 @@ diagram = orbit_diagram(
     blocks,
     V,
     speeds,
-    orbit.start,
+    orbit.x0,
     seen=Return(x1 - x2),
     transient=100,
     keep=30,

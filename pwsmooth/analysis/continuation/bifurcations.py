@@ -94,7 +94,7 @@ class Bifurcation:
     @property
     def at_saddles(self) -> str:
         """Where the orbit comes to rest on its way, in words; empty where it does not."""
-        places = [", ".join(f"{name} = {x:.9g}" for name, x in e.start.items()) for e in self.saddles]
+        places = [", ".join(f"{name} = {x:.9g}" for name, x in e.x0.items()) for e in self.saddles]
         return (
             f"its period grows without bound beside the saddle at {' and that at '.join(places)}"
             if places

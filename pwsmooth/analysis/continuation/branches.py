@@ -103,7 +103,7 @@ class Branch(_Along):
         (PeriodicOrbit, Equilibrium), "a PeriodicOrbit or an Equilibrium, from find_orbit() or find_equilibrium()"
     ),
     to=checks.number, virtual=checks.flag, back=checks.optional(checks.number),
-    **dict.fromkeys(("step", "longest_step", "shortest_step"), checks.positive), most=checks.integer(1),
+    **dict.fromkeys(("step", "longest_step", "shortest_step"), checks.positive), max_points=checks.integer(1),
 )  # fmt: skip
 def follow(
     orbit: PeriodicOrbit | Equilibrium,
@@ -115,7 +115,7 @@ def follow(
     step: float = 0.02,
     longest_step: float = 0.1,
     shortest_step: float = 1e-7,
-    most: int = 500,
+    max_points: int = 500,
     max_steps: int = 10 * MOST_STEPS,
     max_seconds: float | None = None,
 ) -> Branch | EquilibriumBranch:
@@ -137,7 +137,7 @@ def follow(
     step, longest_step, shortest_step : float, in units of the arc
         Of the arc in (x, q/abs(to - back)); of equilibria x and multipliers count relative to 1 + what they are at
         first.
-    most : int
+    max_points : int
         Largest number of orbits.
     max_steps, max_seconds : int, float (s), optional
         Bounds of the whole branch, looked at after each orbit: what was followed until then is returned.
@@ -200,13 +200,13 @@ def follow(
         begin = back
     lengths = step, longest_step, shortest_step
     if isinstance(orbit, Equilibrium):
-        return follow_equilibrium(orbit, name, (begin, end), lengths, most, virtual, max_seconds)
+        return follow_equilibrium(orbit, name, (begin, end), lengths, max_points, virtual, max_seconds)
     bound = opened(max_steps, max_seconds)
     branch, walk = Branch(name, [orbit]), Walk(orbit, name, abs(end - begin))
     walk.until = bound
     with within(Budget(_COUNTED)) as counted:
         branch.end = followed(
-            branch, walk, begin, end, lengths, most,
+            branch, walk, begin, end, lengths, max_points,
             lambda: _COUNTED - counted.left >= bound.left or bound.late(),
         )  # fmt: skip
     return branch
@@ -307,7 +307,7 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
         here = walk.rescaled(walk.rephased(there))
         if there.orbit.segments is None and here.orbit.segments is not None:
             branch.orbits[-1] = here.orbit  # the same one, better known
-    return f"stopped after {len(branch.orbits)} orbits (`most`)."
+    return f"stopped after {len(branch.orbits)} orbits (`max_points`)."
 
 
 def _used_up(walk: Walk, here: Point) -> str:

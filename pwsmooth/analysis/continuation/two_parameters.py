@@ -102,7 +102,7 @@ class Curve(InPlane):
         (Bifurcation, PeriodicOrbit, Codimension2, EquilibriumBifurcation, Equilibrium),
         "a bifurcation of a branch, an orbit or equilibrium near to one, or a Codimension2 of a curve",
     ),
-    ranges=checks.mapping, virtual=checks.flag, most=checks.integer(1),
+    ranges=checks.mapping, virtual=checks.flag, max_points=checks.integer(1),
     kind=checks.optional(checks.one_of(*FOLLOWED, BORDER, *equilibrium_curves.FOLLOWED)),
     **dict.fromkeys(("step", "longest_step", "shortest_step"), checks.positive),
 )  # fmt: skip
@@ -116,7 +116,7 @@ def follow_curve(
     step: float = 0.01,
     longest_step: float = 0.05,
     shortest_step: float = 1e-6,
-    most: int = 500,
+    max_points: int = 500,
     max_steps: int = 10 * MOST_STEPS,
     max_seconds: float | None = None,
 ) -> Curve | EquilibriumCurve:
@@ -143,7 +143,7 @@ def follow_curve(
         surface that they graze: their `success` is False.
     step, longest_step, shortest_step : float, in units of the arc
         Of the arc in (x, p/width, q/width), the widths being those of `ranges`.
-    most : int
+    max_points : int
         Largest number of orbits to either side.
     max_steps, max_seconds : int, float (s), optional
         Bounds of the whole curve, looked at after each orbit: what was followed until then is returned.
@@ -177,7 +177,7 @@ def follow_curve(
     if isinstance(still, Equilibrium):
         both, bounds = _in_ranges(ranges, still.system)
         return follow_equilibria(
-            start, kind, both, bounds, (step, longest_step, shortest_step), most, virtual, max_seconds
+            start, kind, both, bounds, (step, longest_step, shortest_step), max_points, virtual, max_seconds
         )
     orbit, name, lead = given(start, kind, switch)  # type: ignore[arg-type]
     both, bounds = _in_ranges(ranges, orbit.system)
@@ -185,7 +185,7 @@ def follow_curve(
     lengths = step, longest_step, shortest_step
     with within(Budget(_COUNTED)) as counted:
         return _both_sides(
-            lead, condition_of(lead, name, both), both, bounds, lengths, most, virtual,
+            lead, condition_of(lead, name, both), both, bounds, lengths, max_points, virtual,
             lambda: _COUNTED - counted.left >= budget.left or budget.late(),
         )  # fmt: skip
 

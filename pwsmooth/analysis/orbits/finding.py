@@ -44,7 +44,8 @@ _RECURRENCE = 1e-5  # a transient that returns so closely is near a periodic orb
 @checks.door(
     (*calls.RUNS, "parameters"),
     system=checks.system, seen=how_seen, count=checks.optional(checks.integer(1)), transient=checks.integer(0, 10**7),
-    most=checks.integer(1), segments=checks.optional(checks.integer(1, 10**4)), angles=checks.optional(checks.mapping),
+    max_count=checks.integer(1), segments=checks.optional(checks.integer(1, 10**4)),
+    angles=checks.optional(checks.mapping),
 )  # fmt: skip
 @whole
 def find_orbit(
@@ -54,7 +55,7 @@ def find_orbit(
     *,
     count: int | None = None,
     transient: int = 0,
-    most: int = 16,
+    max_count: int = 16,
     segments: int | None = None,
     angles: Mapping[Any, float] | None = None,
     **options: Any,
@@ -71,7 +72,7 @@ def find_orbit(
         Forcing periods (returns) of the orbit; found from the transient if not given, 1 without a transient.
     transient : int
         Applications of the map before Newton's method starts.
-    most : int
+    max_count : int
         Longest orbit looked for in the transient, in applications of the map.
     segments : int, optional
         In how many pieces a period is shot over; by default in one, and in as many as their growth asks for where a
@@ -136,7 +137,7 @@ def find_orbit(
             return none_found(first, at, said)
         at = first.within_a_turn(points[-1], at)
         if count is None and not symmetric:
-            first = replace(first, count=_recurrence(points, most, first))
+            first = replace(first, count=_recurrence(points, max_count, first))
     orbit = _refined(first, at, segments, begun)
     if orbit.success and "atol" in options:
         _warn_below(orbit)

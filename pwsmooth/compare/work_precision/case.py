@@ -75,7 +75,7 @@ class Case:
         For the command line and files, and in words.
     system : System
         Without noise.
-    start : tuple of float
+    x0 : tuple of float
         Of all states, memories included, in their units.
     t_end : float, s
         From t = 0. Errors are taken at 0.31, 0.72 and 1 of it: a dissipative system forgets early ones.
@@ -97,7 +97,7 @@ class Case:
     name: str
     title: str
     system: System
-    start: tuple[float, ...]
+    x0: tuple[float, ...]
     t_end: float
     sizes: tuple[float, ...]
     longest: float
@@ -174,19 +174,19 @@ class Case:
             The two paths disagree by more than 1e-9: neither can serve.
         """
         tight = self.tolerances(1e-13)
-        own = solve(self.system, (0, self.t_end), self.start, dense_output=True, **tight)
+        own = solve(self.system, (0, self.t_end), self.x0, dense_output=True, **tight)
         if not own.success:
             raise RuntimeError(f"the reference of {self.name!r} cannot be computed: {own.message}")
         log = self.itinerary((event.time, basic(event.kind)) for event in own.events)
         times = np.array([time for time, _ in log])
-        mine = np.array([own(end)[: len(self.start)] for end in self.ends])
+        mine = np.array([own(end)[: len(self.x0)] for end in self.ends])
         if self.exact is not None:
             states, source = np.array([self.exact(end) for end in self.ends], float), "closed form"
             apart = self.apart(states, mine)
         else:
             functions, source = plain(self.system), "two paths without common code"
             runs = [
-                restarted(functions, (0, end), np.array(self.start), max_step=self.longest, **tight)
+                restarted(functions, (0, end), np.array(self.x0), max_step=self.longest, **tight)
                 for end in self.ends
             ]
             states = np.array([run[0] for run in runs])
@@ -252,7 +252,7 @@ def case_of(
     if begin != 0:
         raise ValueError(f"`scene` begins at t = {begin:g}; comparisons begin at 0, so shift its drive.")
     end = end if t_end is None else t_end
-    start = tuple(scene.system.initial_state(scene.start))
+    start = tuple(scene.system.initial_state(scene.x0))
     if sizes is None:
         motion = np.abs(scene.solve((0, end)).x).max(axis=1)
         sizes = np.where(motion > 0, motion, 1.0).tolist()

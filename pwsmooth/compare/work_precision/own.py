@@ -17,7 +17,7 @@ from .plain import plain
 
 
 def _solved(system: Any, case: Case, t_end: float, **options: Any) -> Any:
-    solution = solve(system, (0.0, t_end), case.start, **options)
+    solution = solve(system, (0.0, t_end), case.x0, **options)
     if not solution.success:
         raise RuntimeError(solution.message)
     return solution

@@ -20,7 +20,7 @@ from .timestepping import bouncing, stepper
 
 def _from_start(case: Case, solve: Callable[..., Any]) -> Runner:
     """The runner of solve(t_end, x0) -> (state at the end, events, evaluations)."""
-    return lambda t_end: Run(*solve(t_end, np.array(case.start, float)))
+    return lambda t_end: Run(*solve(t_end, np.array(case.x0, float)))
 
 
 def bounded(rates: Callable[..., np.ndarray]) -> Callable[..., np.ndarray]:

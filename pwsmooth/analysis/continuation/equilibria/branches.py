@@ -66,7 +66,7 @@ def coordinate(e: Equilibrium, parameter: Any) -> str:
 
 def value_at(e: Equilibrium, name: str) -> float:
     """The value of a parameter, or of the state along which a set is followed."""
-    return float({**e.start, **{p.name: v for p, v in e.system.parameters.items()}}[name])
+    return float({**e.x0, **{p.name: v for p, v in e.system.parameters.items()}}[name])
 
 
 def _followed(branch, e, bounds, lengths, most, virtual, late) -> str:
@@ -132,7 +132,7 @@ def _followed(branch, e, bounds, lengths, most, virtual, late) -> str:
             return f"reached {name} = {past:g}."
         ds = min(ds * (2.0 if there.steps <= 3 else 1.0 if there.steps <= 5 else 0.5), longest)
         here = there
-    return f"stopped after {len(branch.equilibria)} equilibria (`most`)."
+    return f"stopped after {len(branch.equilibria)} equilibria (`max_points`)."
 
 
 def _passed(q: float, q0: float, begin: float, end: float) -> float | None:

@@ -35,7 +35,7 @@ def cycle_beside(born: EquilibriumBifurcation, offset: float, **options: Any) ->
             system = e.system.with_parameters({q: value})
         except ValueError:  # outside the assumptions of the parameter
             continue
-        focus = find_equilibrium(system, e.start, sides={mu.symbol: side})
+        focus = find_equilibrium(system, e.x0, sides={mu.symbol: side})
         if not focus.success or focus.border or focus.stability != "unstable":
             continue
         ahead = focus.x - e.x

@@ -56,7 +56,7 @@ class EquilibriumWay:
         self.passed, ds = [here], min(step, longest)
         while not self.end:
             if len(self.passed) >= self.most:
-                self.end = f"stopped after {self.most} points (`most`)."
+                self.end = f"stopped after {self.most} points (`max_points`)."
             elif time.monotonic() > self.late:
                 self.end = f"`max_seconds` are used up at {self._where(here)}: give more."
             if self.end:
