@@ -62,7 +62,7 @@ def tasks():
     def exponents(count):
         return lambda: lyapunov_exponents(system, orbit.x0, LONG, count=count)
 
-    branch = follow(orbit, "sigma", to=3.3)
+    branch = follow(orbit, {"sigma": 3.3})
     assert branch.end == "reached sigma = 3.3."
     return {
         "period": (lambda: solve(system, (0, PERIOD), orbit.x0, **TIGHT), 1),
@@ -70,7 +70,7 @@ def tasks():
         "fundamental matrix, tape": (lambda: variations(run), 1),
         "fundamental matrix, collocation": (lambda: variations(without), 1),
         "find_orbit": (lambda: find_orbit(system, near, seen=Strobe(2 * sp.pi)), 1),
-        "follow, an orbit": (lambda: follow(orbit, "sigma", to=3.3), len(branch.orbits)),
+        "follow, an orbit": (lambda: follow(orbit, {"sigma": 3.3}), len(branch.orbits)),
         "multipliers, a value": (multipliers, len(values)),
         "exponent": (exponents(1), 1),
         "all exponents": (exponents(3), 1),

@@ -23,7 +23,7 @@ import sympy as sp
 from benchtools import provenance, write_json
 
 from pwsmooth import Strobe, Switch, System, sweep
-from pwsmooth.sweep import Points, basins, make_plan, refine
+from pwsmooth.sweep import Points, Work, basins, make_plan, refine
 
 t, y, v, z = sp.symbols("t y v z", real=True)
 rho, beta, k, sigma, omega = sp.symbols("rho beta k sigma omega", nonnegative=True)
@@ -55,7 +55,7 @@ def diagram(name):
     unsettled = time.process_time() - begin - whole
     sticks = sweep(
         OSCILLATOR, {name: np.linspace(*RANGES[name], 40)}, x0={"y": 0.5, "v": 0.3, "z": 0}, seen=Strobe(DRIVE),
-        measures=["sticks"], progress=False,
+        measures=["sticks"], work=Work(progress=False),
     )  # fmt: skip
     value = plan.values(indices)[name]
     return {
@@ -96,8 +96,9 @@ def maps(side):
     periods = round(ran / side**2)
     begin = time.process_time()
     sweep(
-        OSCILLATOR, points=starts, x0={"z": 0}, seen=Strobe(DRIVE), transient=0, periods=periods, workers=1,
-        measures=[Points("y", last=1)], progress=False,
+        OSCILLATOR, points=starts, x0={"z": 0}, seen=Strobe(DRIVE), transient=0, periods=periods,
+        work=Work(workers=1, progress=False),
+        measures=[Points("y", last=1)],
     )  # fmt: skip
     plain = (time.process_time() - begin) / (len(chosen) * periods)
     return {

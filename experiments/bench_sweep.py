@@ -59,7 +59,7 @@ def pwsmooth_runner(rtol):
     import sympy as sp
 
     from pwsmooth import Strobe, Switch, System, sweep
-    from pwsmooth.sweep import Points
+    from pwsmooth.sweep import Points, Work
 
     t, y, v = sp.symbols("t y v", real=True)
     k, c, N, sigma, omega = sp.symbols("k c N sigma omega", nonnegative=True)
@@ -70,7 +70,8 @@ def pwsmooth_runner(rtol):
         found = sweep(
             oscillator, points={"k": ks, "sigma": sigmas}, x0={y: START[0], v: START[1]},
             seen=Strobe(2 * sp.pi / omega),
-            transient=0, periods=PERIODS, rtol=rtol, atol=1e-3 * rtol, workers=workers, chunk=chunk, progress=False,
+            transient=0, periods=PERIODS, rtol=rtol, atol=1e-3 * rtol,
+            work=Work(workers=workers, chunk=chunk, progress=False),
             measures=["sticks", "itinerary", "period", "counts", Points("y", "v", last=1)],
         )  # fmt: skip
         final = np.column_stack([found.y_points.values[:, 0], found.v_points.values[:, 0]])

@@ -40,7 +40,7 @@ from friction_oscillator import coulomb, hidden, omega, z
 
 from pwsmooth import Strobe, basins, lyapunov_exponents, sweep
 from pwsmooth.plotting import COLOUR, new_figure
-from pwsmooth.sweep import Itinerary, Period
+from pwsmooth.sweep import Itinerary, Period, Work
 
 NAMED = {
     "S": ("at rest", "#BDBDBD"),
@@ -112,7 +112,8 @@ def named(system, config, start, transient, periods, longest, **where):
     """(dataset of the sweep, words, the keys of NAMED that its points have)."""
     found = sweep(
         system, x0=dict(zip("yv", start)), seen=Strobe(2 * sp.pi / omega), transient=transient, periods=periods,
-        measures=[Itinerary(), Period(max_count=longest, tol=config.tol), "points(y)", "sticks"], progress=False,
+        measures=[Itinerary(), Period(max_count=longest, tol=config.tol), "points(y)", "sticks"],
+        work=Work(progress=False),
         **where,
     )  # fmt: skip
     words = np.vectorize(mirrored)(found.itinerary.values.astype(object))

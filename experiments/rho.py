@@ -80,7 +80,7 @@ def fold_of_sticks(config: Config) -> dict:
     """Where the relaxing block's sticking orbit, followed down from rho = 3, turns back; its stick time there."""
     start = {y: config.ys[0], v: config.vs[0], z: 0}
     orbit = find_orbit(hidden(rho=3), start, seen=Strobe(DRIVE), transient=config.transient)
-    branch = follow(orbit, "rho", to=0)
+    branch = follow(orbit, {"rho": 0})
     found = branch.of_kind("fold")[0]
     events = [e for run in found.orbit.runs() for e in run.events]
     begin, end = (next(e.time for e in events if e.kind.startswith(kind)) for kind in ("stick", "slip"))

@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from paper_figures import oscillator as osc
 from pwsmooth import Strobe
-from pwsmooth.analysis.continuation import branch_off, follow
+from pwsmooth.analysis.continuation import Steps, branch_off, follow
 from pwsmooth.analysis.maps import Stroboscopic
 from pwsmooth.analysis.orbits import find_orbit
 from pwsmooth.plotting import COLOUR, new_figure
@@ -71,9 +71,9 @@ def run(config):
             transient=30,
             rtol=rtol,
         )
-        symmetric = follow(first, "sigma", to=config.sigma_to)
+        symmetric = follow(first, {"sigma": config.sigma_to})
         breaking.append(symmetric.of_kind("symmetry breaking")[0])
-    pair = follow(branch_off(breaking[-1], 5e-3), "sigma", to=config.sigma_to, longest_step=0.03)
+    pair = follow(branch_off(breaking[-1], 5e-3), {"sigma": config.sigma_to}, steps=Steps(longest=0.03))
     settled = []
     for sigma in config.settled_at:
         step = Stroboscopic(oscillator(config, sigma), PERIOD, options={"rtol": 1e-9})

@@ -220,7 +220,7 @@ def sweep(
 
 @command()
 def diagram(
-    study: Annotated[Path, typer.Argument(help="TOML file: system, ranges, x0.")],
+    study: Annotated[Path, typer.Argument(help="TOML file: system, over, x0.")],
     out: Annotated[
         Path, typer.Option(help="Directory for the store, <STUDY>.zarr, and the picture, <STUDY>.png.")
     ] = Path("."),
@@ -232,14 +232,14 @@ def diagram(
 ) -> None:
     r"""All branches over a parameter, or all curves over two, into a Zarr store that survives any kill.
 
-    One parameter in the ranges gives a diagram, two give a bifurcation set. The file is data, as that of a sweep:
+    One parameter in \[over] gives a diagram, two give a bifurcation set. The file is data, as that of a sweep:
 
         x0 = \[{ y = 0.5, v = 0.3 }, { y = -1, v = 1 }]
         \[system]
         scene = "friction_oscillator"
         law = "HiddenStatic"
         layered = { z = inf }
-        \[ranges]
+        \[over]
         omega = \[0.4, 3]
         amplitude = \[0.5, 5]
         \[lines]
@@ -251,17 +251,18 @@ def diagram(
     Keys of the file:
         title          what the study is called
         x0             list of tables: where trajectories start
-        values         of a parameter in the orbit diagram; transient, keep: periods
+        values         of a parameter in the orbit diagram
+        transient, tol periods before an end counts, and how nearly it repeats
         max_count      longest orbit, in periods
-        max_depth, max_branches   of branches on branches, and their number
-        max_points, max_curves    points of a branch, and the number of curves
-        step, longest_step, shortest_step   of the arc of a branch
+        max_depth      of branches on branches on branches
+        max_branches   number of branches, and of curves
         virtual        whether virtual equilibria and curves are followed
         rtol, atol, method, max_steps   of solve
 
     Its tables:
         \[system]      as of `pwsmooth sweep`: scene and law, or object
-        \[ranges]      one or two parameters: \[least, largest]
+        \[over]        one or two parameters: \[least, largest]
+        \[steps]       along a branch: first, longest, shortest, max_points
         \[lines]       of two: values at which either is held
         \[seen]        as of `pwsmooth sweep`; with a period also symmetry, images of
                       states under (x, t) -> (G x, t + T/2)
@@ -271,8 +272,7 @@ def diagram(
         from pwsmooth.diagrams.study import run_study
 
         found, store = run_study(study, out, resume, workers, allow_code=allow_code)
-    reader = "read_diagram" if type(found).__name__ == "Diagram" else "read_set"
-    typer.echo(f"{found}\n{store}\nIn Python: pwsmooth.diagrams.{reader}({str(store)!r})")
+    typer.echo(f"{found}\n{store}\nIn Python: pwsmooth.diagrams.read_diagram({str(store)!r})")
 
 
 @command()

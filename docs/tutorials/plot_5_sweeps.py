@@ -21,7 +21,7 @@ import numpy as np
 import sympy as sp
 
 from pwsmooth import Strobe, Switch, System, sweep
-from pwsmooth.sweep import read_store
+from pwsmooth.sweep import Work, read_store
 
 t, y, v = sp.symbols("t y v", real=True)
 k, sigma, rho = sp.symbols("k sigma rho", nonnegative=True)
@@ -109,7 +109,7 @@ print(few.longest.to_series().to_string())
 # %%
 # A store that survives
 # ---------------------
-# With ``store=`` every chunk is written as it finishes. A sweep that was killed goes on where
+# With ``work=Work(store=...)`` every chunk is written as it finishes. A sweep that was killed goes on where
 # it was, and ends with the bits of an undisturbed one. Here it is interrupted after eight
 # chunks, as by Ctrl-C.
 from concurrent.futures import ThreadPoolExecutor
@@ -133,7 +133,7 @@ store = Path(tempfile.mkdtemp()) / "map.zarr"
 study["store"] = store
 with Interrupted(2) as pool:
     try:
-        sweep(block, axes, executor=pool, chunk=40, **study)
+        sweep(block, axes, work=Work(executor=pool, chunk=40), **study)
     except KeyboardInterrupt:
         half = xarray.open_zarr(store, consolidated=False)
         missing = int((half.outcome == -128).sum())
@@ -190,8 +190,7 @@ if __name__ == "__main__":
                 periods=5,
                 measures=["sticks", "itinerary", "amplitude(y)"],
                 units={"k": "N/m", "sigma": "N", "y": "m"},
-                executor=client.get_executor(),
-                store=sys.argv[1],
+                work=Work(executor=client.get_executor(), store=sys.argv[1]),
             )
 """
 script, store = store.with_name("study.py"), store.with_name("cluster.zarr")

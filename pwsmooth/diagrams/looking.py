@@ -1,8 +1,8 @@
-"""How diagrams are looked for: the checked arguments of both calls, the orbit diagram, and the search that it begins.
+"""How diagrams are looked for: the checked arguments of the call, the orbit diagram, and the search that it begins.
 
     sweep over values and starts  ->  ends  ->  branches through them, and those that begin on these  ->  Diagram
 
-Chain: sweep, searching.py, result.py -> **looking** -> one_parameter.py, two_parameters.py.
+Chain: sweep, searching.py, result.py -> **looking** -> over_two.py, calling.py.
 """
 
 from __future__ import annotations
@@ -14,31 +14,31 @@ from typing import Any, cast
 
 import numpy as np
 
+from ..analysis.continuation.steps import Steps
 from ..analysis.equilibria.equilibrium import Equilibrium
 from ..analysis.equilibria.finding import equilibria
 from ..analysis.maps.scales import Scale, units_at
 from ..analysis.maps.sections import Stroboscopic, poincare_map
-from ..analysis.maps.seen import Return, Strobe, how_seen
+from ..analysis.maps.seen import Return, Strobe
 from ..analysis.maps.symmetry import symmetry_matrix
 from ..analysis.orbits.periodic_orbit import PeriodicOrbit
 from ..door import checks
 from ..results.records import Outcome
-from ..sweep import Period, Points, sweep
+from ..sweep import Period, Points, Work, sweep
 from ..sweep.identity import digest
 from .plain import Setting, told
 from .result import Diagram
 from .searching import Ends, Search
-from .work import Work
+from .tasks import Tasks
 
 _RTOL, _ATOL = 1e-9, 1e-12  # of the sweep
 _LONGER = 10  # transients, of a trajectory that does not repeat after one
 SWEEPS = "sweeps"  # folder in a store
-Starts = Mapping[Any, float] | Sequence[Mapping[Any, float]]
 
 
 @dataclass(frozen=True)
 class Looking:
-    """How a diagram is looked for, over whatever parameter: checked arguments of `diagram` and `bifurcation_set`."""
+    """How a diagram is looked for, over whatever parameter: checked arguments of `diagram`."""
 
     setting: Setting
     seen: Strobe | Return | None
@@ -47,13 +47,11 @@ class Looking:
     box: Mapping[Any, Any] | None
     values: int
     transient: int
-    keep: int
-    max_count: int
     tol: float
+    max_count: int
     max_depth: int
     max_branches: int
-    max_points: int
-    steps: Mapping[str, float]
+    steps: Steps
     options: Mapping[str, Any]
 
     def identity(self) -> dict[str, str]:
@@ -64,8 +62,8 @@ class Looking:
                 str(getattr(s.map, "period", "")), str(getattr(s.map, "surface", "")), getattr(look, "direction", 1)]]),
             "phase": str(getattr(look, "phase", 0.0)), "symmetry": digest(s.symmetry), "virtual": str(s.virtual),
             "x0": str(self.x0), "orbits": digest(list(self.orbits)),
-            "box": str(self.box), "sweep": str((self.values, self.transient, self.keep, self.max_count, self.tol)),
-            "bounds": str((self.max_depth, self.max_branches, self.max_points)), "steps": str(dict(self.steps)),
+            "box": str(self.box), "sweep": str((self.values, self.transient, self.max_count, self.tol)),
+            "bounds": str((self.max_depth, self.max_branches)), "steps": str(self.steps),
             "options": str(dict(self.options)),
         }  # fmt: skip
 
@@ -106,11 +104,11 @@ class Looking:
         system = self.setting.system.with_parameters(dict(values))
         states = [s.name for s in system.model.states]
         points: dict[Any, Any] = {name: q.tolist(), **dict(zip(states, first.T.tolist()))}
-        kept = max(self.keep, self.max_count)
+        kept = 2 * self.max_count
         found = sweep(
             system, points=points, seen=self.seen, transient=transient, periods=2 * kept,
-            measures=[Period(self.max_count, self.tol), Points(*states, last=kept)], progress=False, store=store,
-            **self.options,
+            measures=[Period(self.max_count, self.tol), Points(*states, last=kept)],
+            work=Work(progress=False, store=store), **self.options,
         )  # fmt: skip
         at = np.stack([found[f"{s}_points"].values for s in states], axis=-1)
         return at, found["period"].values.copy(), found["outcome"].values.copy()
@@ -118,7 +116,7 @@ class Looking:
     # ---- the whole
 
     def diagram(
-        self, name: str, bounds: tuple[float, float], values: Mapping[str, float], work: Work, tell: Any,
+        self, name: str, bounds: tuple[float, float], values: Mapping[str, float], work: Tasks, tell: Any,
         sweeps: Path | None,
     ) -> Diagram:  # fmt: skip
         setting = self.setting
@@ -129,7 +127,6 @@ class Looking:
             values,
             self.steps,
             self.max_branches,
-            self.max_points,
             self.max_depth,
             self.max_count,
             work,
@@ -184,46 +181,48 @@ class Looking:
 
 
 def looking(
-    system: Any, x0: Any, seen: Strobe | Return | None, orbits: Sequence[Any], box: Any, values: int,
-    transient: int, keep: int, max_count: int, tol: float, max_depth: int, max_branches: int, max_points: int,
-    steps: Mapping[str, float], virtual: bool, options: Mapping[str, Any],
-) -> Looking:  # fmt: skip
+    system: Any,
+    x0: Any,
+    seen: Strobe | Return | None,
+    box: Any,
+    virtual: bool,
+    options: Mapping[str, Any],
+    **how: Any,
+) -> Looking:
     """Checked arguments."""
     map_ = None if seen is None else poincare_map(system, seen, options)
-    if x0 is not None and map_ is None:
+    alone = x0 is None or isinstance(x0, (Mapping, PeriodicOrbit, Equilibrium))
+    given = ([] if x0 is None else [x0]) if alone else checks.several(x0, "`x0`")
+    orbits = [start for start in given if isinstance(start, (PeriodicOrbit, Equilibrium))]
+    starts = [start for start in given if not isinstance(start, (PeriodicOrbit, Equilibrium))]
+    if starts and map_ is None:
         raise ValueError(
-            "`x0` are trajectories: give `seen` too, Strobe(period) of a driven system or Return(section)."
+            "`x0` has states, at which trajectories begin: give `seen` too, Strobe(period) of a driven system or "
+            "Return(section)."
         )
-    single = () if x0 is None else (x0,)
-    given = single if x0 is None or isinstance(x0, Mapping) else checks.several(x0, "`x0`")
-    rows = tuple(tuple(map(float, system.initial_state(checks.mapping(s, "`x0`")))) for s in given)
+    rows = tuple(tuple(map(float, system.initial_state(checks.mapping(s, "`x0`")))) for s in starts)
     G = None
     if isinstance(seen, Strobe) and seen.symmetry is not None:
         G = symmetry_matrix(system, seen.symmetry, cast(Stroboscopic, map_).forcing_period)
-    unit = _units(system, [*rows, *(orbit.x for orbit in orbits if hasattr(orbit, "x"))], box)
+    unit = _units(system, [*rows, *(orbit.x for orbit in orbits)], box)
     if map_ is not None and unit:
         map_ = replace(map_, scale=Scale(unit, unit))
     setting = Setting(system, map_, G, virtual, unit)
     kept = []
-    for orbit in checks.several(orbits, "`orbits`"):
-        if not isinstance(orbit, (PeriodicOrbit, Equilibrium)) or not orbit.success:
-            raise TypeError(
-                f"`orbits` contains {checks.shown(orbit)}; give orbits and equilibria that converged, of find_orbit() "
-                "and find_equilibrium()."
-            )
+    for orbit in orbits:
+        if not orbit.success:
+            raise ValueError(f"`x0` contains {checks.shown(orbit)}, which did not converge; leave it out.")
         if isinstance(orbit, PeriodicOrbit) and map_ is None:
-            raise ValueError(
-                "`orbits` contains a periodic orbit; say by `seen` how it is seen, Strobe or Return."
-            )
+            raise ValueError("`x0` contains a periodic orbit; say by `seen` how it is seen, Strobe or Return.")
         if {p.name for p in orbit.system.parameters} != {p.name for p in system.parameters}:
-            raise ValueError("`orbits` contains one of another system; give orbits of `system`.")
+            raise ValueError("`x0` contains an orbit of another system; give orbits of `system`.")
         kept.append(told(orbit, setting))
-    if not (given or kept or box):
-        raise ValueError("nothing to begin with: give `x0`, `orbits`, or a `box` of equilibria.")
-    return Looking(
-        setting, seen, rows, tuple(kept), box, values, transient, keep, max_count, tol, max_depth, max_branches,
-        max_points, steps, {"rtol": _RTOL, "atol": [_ATOL * u for u in unit] if unit else _ATOL, **options},
-    )  # fmt: skip
+    if not (given or box):
+        raise ValueError(
+            "nothing to begin with: give `x0`, states, orbits or equilibria, or a `box` of equilibria."
+        )
+    tolerances = {"rtol": _RTOL, "atol": [_ATOL * u for u in unit] if unit else _ATOL, **options}
+    return Looking(setting, seen, rows, tuple(kept), box, options=tolerances, **how)
 
 
 def _units(system: Any, rows: Sequence[Any], box: Any) -> tuple[float, ...]:
@@ -239,14 +238,3 @@ def _units(system: Any, rows: Sequence[Any], box: Any) -> tuple[float, ...]:
             sizes[k] = max(sizes[k], *np.abs(checks.pair(pair, f"`box` of {name}")))
     unit = tuple(units_at(sizes).tolist())
     return unit if set(unit) != {1.0} else ()
-
-
-STEPS = ("step", "longest_step", "shortest_step")
-DOOR: dict[str, Any] = dict(
-    system=checks.system, seen=checks.optional(how_seen), box=checks.optional(checks.mapping),
-    values=checks.integer(2, 10**6), transient=checks.integer(0), keep=checks.integer(1, 10**6),
-    max_count=checks.integer(1, 10_000), tol=checks.positive, max_depth=checks.integer(0, 1000),
-    max_branches=checks.integer(1, 10**6), max_points=checks.integer(2, 10**6), virtual=checks.flag,
-    workers=checks.optional(checks.integer(1, 10_000)), store=checks.optional(checks.path),
-    **dict.fromkeys(STEPS, checks.positive),
-)  # fmt: skip

@@ -17,7 +17,7 @@ from typing import Any
 STEPS = ("rtol", "atol", "order", "max_step", "max_steps")
 RUNS = (*STEPS, "method", "max_seconds", "strict")  # of a map: to all that it looks for
 POINTS = (*STEPS, "method", "parameters")  # of compiled orbits
-SWEEPS = (*POINTS, "executor", "workers", "chunk", "store", "progress", "max_seconds")  # of sweep() itself
+SWEEPS = (*POINTS, "max_seconds")  # of sweep() itself
 KEPT = ("t_eval", "dense_output", "by", "noise")
 SOLVE = (*RUNS, *KEPT, "parameters", "local", "record", "threads")  # all
 # Names of one thing, here and in other packages.

@@ -10,10 +10,10 @@ ARGUMENTS = {
     "pwsmooth": """
 ax : Axes, optional
     Where to draw; a new figure by default.
+work : Work, optional
+    Executor, workers, chunk, store, progress.
 seen : Strobe or Return
     Once a period of the drive, or whenever an autonomous system crosses a surface.
-transient, keep : int
-    Periods or returns unseen, and then shown.
 **options
     For `pwsmooth.solve`.
 -> Axes
@@ -237,18 +237,6 @@ max_count : int
 *names : str or Symbol
     States, multipliers or outputs.
 """,
-    "pwsmooth.diagrams": """
-max_count : int
-    Longest orbit that is looked for, in periods or returns.
-tol : float, dimensionless
-    How near two points of a trajectory are that count as one, relative to 1 + abs(x).
-max_depth : int
-    Of branches on branches on branches.
-workers : int, optional
-    Processes of one's own; by default all is done in this one. No value depends on it.
-progress : bool, optional
-    Whether it tells how far it is, by default on a terminal.
-""",
     "pwsmooth.compare.ladders": """
 build : callable
     Law -> Scene.
@@ -322,14 +310,15 @@ HOMES = {
         Objective at at_event duration event_time final integral largest minimise misfit smallest value_and_gradient""",
     "pwsmooth.sweep": """
         Amplitude Cost Extremes Function Itinerary Lyapunov Measure Period Points Statistics Window make_plan
-        read_store refine""",
-    "pwsmooth.diagrams": "Found Meeting read_diagram read_set",
+        Work read_store refine""",
+    "pwsmooth.diagrams": "Found Meeting read_diagram",
     "pwsmooth.compare": "CASES METHODS case_of ladder stability work_precision",
     "pwsmooth.compare.exact": "Check ExactProblem problems verify",
     "pwsmooth.compare.hazards": "Axis Finding Hazard",
     "pwsmooth.compare.ladders": """
         Observable Rung Step amplitude centre contact_rungs contact_setting curve end_value friction_rungs
         friction_setting judge least peak period recommend scenes setting_of share_below""",
+    "pwsmooth.analysis.continuation": "Steps",
     "pwsmooth.analysis.maps": "Stroboscopic variations",
     "pwsmooth.analysis.sticking": "fold",
 }

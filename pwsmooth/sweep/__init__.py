@@ -2,7 +2,7 @@
 
 axes.py      what is swept            measures.py  what is kept of an orbit
 plan.py      a checked sweep          chunk.py     what a worker does with a chunk of points
-running.py   executors, progress      store.py     chunks on disk, resumed after a kill
+work.py      by whom and where kept   store.py     chunks on disk, resumed after a kill
 stored.py    a store is read          identity.py  what a sweep must agree on to be resumed
 dataset.py   the result               study.py     a sweep in a TOML file
 periodicity.py, quantities.py, functions.py        measures, by subject
@@ -34,10 +34,10 @@ from .measures import (
 )
 from .refining import SweepPlan, make_plan, refine
 from .stored import read_store
+from .work import Work
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-    from concurrent.futures import Executor
 
     import xarray
 
@@ -56,6 +56,7 @@ __all__ = [
     "Sticks",
     "SweepPlan",
     "Window",
+    "Work",
     "make_plan",
     "read_store",
     "refine",
@@ -63,7 +64,7 @@ __all__ = [
 ]
 
 
-@checks.door((*calls.POINTS, "record"))
+@checks.door((*calls.POINTS, "record"), work=checks.optional(checks.instance(Work, "Work(...)")))
 def sweep(
     system: Any,
     axes: Mapping[Any, Sequence[float]] | None = None,
@@ -78,11 +79,7 @@ def sweep(
     measure_from: float | None = None,
     units: Mapping[Any, str] | None = None,
     noise: Any = None,
-    executor: Executor | None = None,
-    workers: int | None = None,
-    chunk: int | None = None,
-    store: Any = None,
-    progress: bool | None = None,
+    work: Work | None = None,
     max_seconds: float | None = None,
     **options: Any,
 ) -> xarray.Dataset:
@@ -112,18 +109,8 @@ def sweep(
         Of parameters, states, outputs and time; they label coordinates and variables.
     noise : Kicks or Diffusion, optional
         As for `solve`; the axes "seed" and "trajectory" replace its numbers.
-    executor : concurrent.futures.Executor, optional
-        By default threads on all cores, which compiled orbits keep busy. Functions of the Solution that are slow
-        Python gain from processes: ``ProcessPoolExecutor()``; a cluster: Dask's ``Client(...).get_executor()``.
-    workers : int, optional
-        Threads of the default executor.
-    chunk : int, optional
-        Points that a worker takes at a time, by default about half a second of work. No value depends on it.
-    store : path, optional
-        Zarr directory to which chunks are written as they finish. The same call with the same store goes on where
-        it was stopped, and gives the same bits as a run that was not; another sweep's store is refused.
-    progress : bool, optional
-        Progress bar with rate and failures, by default on a terminal.
+    work : Work, optional
+        Executor, workers, chunk, store, progress.
     max_seconds : float, in units of wall time, s, optional
         Bound on the whole sweep. Points that it leaves out have the outcome TIME_LIMIT; in a store they have not run,
         and the same call goes on with them.
@@ -170,15 +157,7 @@ def sweep(
     from .dataset import make_dataset
     from .running import chunk_target, run_chunks
 
-    workers = checks.optional(checks.integer(1, 10_000))(workers, "`workers`")
-    chunk = checks.optional(checks.integer(1))(chunk, "`chunk`")
-    progress = checks.optional(checks.flag)(progress, "`progress`")
-    store = checks.optional(checks.path)(store, "`store`")
-    if executor is not None and not hasattr(executor, "submit"):
-        raise TypeError(
-            f"`executor` is {checks.shown(executor)}; give a concurrent.futures.Executor, such as "
-            "ProcessPoolExecutor() or a Dask client's `get_executor()`."
-        )
+    work = work or Work()
     planned = make_plan(
         system, axes, points=points, x0=x0, measures=measures, seen=seen, transient=transient, periods=periods,
         t_span=t_span, measure_from=measure_from, units=units, noise=noise, **options,
@@ -189,20 +168,20 @@ def sweep(
     deadline = time.time() + min(left, math.inf if limit is None else limit)
 
     def target() -> int:
-        threads = workers or getattr(executor, "_max_workers", None) or cores()
-        return chunk or chunk_target(plan, where, threads, deadline)
+        threads = work.workers or getattr(work.executor, "_max_workers", None) or cores()
+        return work.chunk or chunk_target(plan, where, threads, deadline)
 
-    if store is not None:
+    if work.store is not None:
         from .store import Store
 
-        chunk_store = Store(store, plan, where, target)
+        chunk_store = Store(work.store, plan, where, target)
 
         def complete(first: int, stop: int, result: dict[str, Any]) -> None:
             # A chunk that ran out of time is not stored: the same call runs it again.
             if not (result["outcome"] == Outcome.TIME_LIMIT).any():
                 chunk_store.keep(first, stop, result)
 
-        run_chunks(plan, where, chunk_store.todo, executor, workers, complete, progress, deadline)
+        run_chunks(plan, where, chunk_store.todo, work, complete, deadline)
         return chunk_store.dataset()
     arrays = plan.empty(where.size)
 
@@ -211,5 +190,5 @@ def sweep(
             arrays[name][first:stop] = values
 
     _, chunks = where.boxes(target())
-    run_chunks(plan, where, chunks, executor, workers, keep, progress, deadline)
+    run_chunks(plan, where, chunks, work, keep, deadline)
     return make_dataset(plan, where, arrays)

@@ -33,6 +33,7 @@ from .kinds import FAILURE, NOT_SETTLED, kind_of, kinds_of, rests
 from .measures import Period, Points
 from .plan import why_not
 from .refining import SweepPlan, in_chunks, make_plan, ordered
+from .work import Work
 
 __all__ = ["FAILED", "UNSETTLED", "Basins", "OrbitDiagram", "basins", "orbit_diagram", "refine_basins"]
 
@@ -120,6 +121,7 @@ class Basins(Described):
     calls.SWEEPS,
     system=checks.system, axes=checks.mapping, x0=checks.optional(checks.mapping), tol=checks.positive,
     transient=checks.integer(0), max_count=checks.integer(1, 10_000), seen=how_seen,
+    work=checks.optional(checks.instance(Work, "Work(...)")),
 )  # fmt: skip
 @whole
 def basins(
@@ -131,6 +133,7 @@ def basins(
     transient: int = 200,
     max_count: int = 8,
     tol: float = 1e-5,
+    work: Work | None = None,
     **options: Any,
 ) -> Basins:
     """Find the basins of attraction over a grid of starts.
@@ -142,7 +145,7 @@ def basins(
     tol : float, dimensionless
         How near to an orbit a trajectory has come after the transient, relative to the size of the states.
     **options
-        For `sweep`: executor, workers, store, rtol, parameters, ...; `max_steps` bounds each start and all that follows
+        For `sweep`: rtol, parameters, ...; `max_steps` bounds each start and all that follows
         the sweep, `max_seconds` the whole call.
 
     Returns
@@ -192,8 +195,8 @@ def basins(
     reasons, kinds = np.full(where.size, "", object), np.full(where.size, "", object)
     attractors: list[PeriodicOrbit] = []
     values = [name for name in columns if name not in moved]
-    if values and options.get("store") is not None:
-        raise ValueError("`store` is given, but `axes` has a parameter; keep a store for each of its values.")
+    if values and work is not None and work.store is not None:
+        raise ValueError("`work` has a store, but `axes` has a parameter; keep a store for each of its values.")
     if not starts:
         raise ValueError("`axes` has no state; give starts, such as {x: [0.0, 1.0]}, or use orbit_diagram().")
     chosen = np.unique(np.stack([columns[name] for name in values]), axis=1).T if values else [()]
@@ -202,7 +205,7 @@ def basins(
             [columns[name] == value for name, value in zip(values, one)] or [labels == UNSETTLED], axis=0
         )
         at_value = system.with_parameters(dict(zip(values, map(float, one)))) if values else system
-        search = _Search(at_value, seen, max_count, tol, options)
+        search = _Search(at_value, seen, max_count, tol, options, work)
         grid = (axes, {}) if not values and len(starts) == len(columns) else (
             None, {"points": {name: column[here] for name, column in starts.items()}}
         )  # fmt: skip
@@ -252,11 +255,13 @@ class _Search:
     """Runs of the Poincare map of one system, and the attractors that they have led to."""
 
     def __init__(
-        self, system: Any, seen: Strobe | Return, max_count: int, tol: float, options: Mapping[str, Any]
-    ) -> None:
+        self, system: Any, seen: Strobe | Return, max_count: int, tol: float, options: Mapping[str, Any],
+        work: Work | None = None,
+    ) -> None:  # fmt: skip
         base = poincare_map(system, seen, {})
         self.system, self.seen, self.max_count, self.options = system, seen, max_count, dict(options)
         self.names = [s.name for s in system.model.states]
+        self.work = replace(work or Work(), progress=bool(work and work.progress))
         self.attractors = Attractors(base, max_count, tol)
 
     def take_units(self, starts: np.ndarray) -> None:
@@ -278,7 +283,7 @@ class _Search:
 
         data = sweep(
             self.system, grid, seen=self.seen, periods=seen, measures=self.measures(kept),
-            **{"progress": False, **self.options, **more},
+            **{"work": self.work, **self.options, **more},
         )  # fmt: skip
         return self.read({str(name): values.values for name, values in data.items()})
 
@@ -316,7 +321,9 @@ class _Search:
 
     def lead_on(self, starts: np.ndarray, unseen: int) -> Ends:
         window, again = self.attractors.window, dict(zip(self.names, starts.T))
-        return self.ends(None, window, window, points=again, transient=unseen, store=None)
+        return self.ends(
+            None, window, window, points=again, transient=unseen, work=replace(self.work, store=None)
+        )
 
 
 @checks.door(
@@ -593,6 +600,7 @@ class OrbitDiagram(Described):
     calls.SWEEPS,
     system=checks.system, values=checks.numbers, x0=checks.mapping, transient=checks.integer(0),
     keep=checks.integer(1, 10**7), carry=checks.flag, seen=how_seen,
+    work=checks.optional(checks.instance(Work, "Work(...)")),
 )  # fmt: skip
 @whole
 def orbit_diagram(
@@ -605,6 +613,7 @@ def orbit_diagram(
     transient: int = 200,
     keep: int = 40,
     carry: bool = False,
+    work: Work | None = None,
     **options: Any,
 ) -> OrbitDiagram:
     """Find where the Poincare map settles, over a parameter.
@@ -617,6 +626,8 @@ def orbit_diagram(
         In the unit of the parameter.
     x0 : mapping of state to float
         Of every run or, with `carry`, of the first one, in the units of the states.
+    transient, keep : int
+        Periods or returns unseen, and then shown.
     carry : bool
         Begin each run where the one before ended: follows an attractor and shows hysteresis when the values come
         back. Without it all runs are independent and use all cores.
@@ -650,7 +661,7 @@ def orbit_diagram(
     """
     name = checks.lookup(parameter, system.parameters, "`parameter`", "parameter").name
     at_values = np.asarray(values)
-    if carry and (idle := sorted(options.keys() - set(calls.RUNS))):
+    if carry and (idle := sorted([*options.keys() - set(calls.RUNS), *["work"] * (work is not None)])):
         raise ValueError(f"`{idle[0]}` is for independent runs; leave it out, or `carry`.")
     base = poincare_map(system, seen, options if carry else {})
     states = tuple(s.name for s in system.model.states)
@@ -660,7 +671,7 @@ def orbit_diagram(
 
         found = sweep(
             system, {name: at_values.tolist()}, x0=x0, seen=seen, transient=transient, periods=keep,
-            measures=[Points(*states, last=keep)], **{"progress": False, **options},
+            measures=[Points(*states, last=keep)], work=work or Work(progress=False), **options,
         )  # fmt: skip
         points = np.stack([found[f"{s}_points"].values for s in states], axis=-1)
         reasons = [why_not(outcome) for outcome in found["outcome"].values.tolist()]

@@ -22,6 +22,7 @@ from ..paths.interrupts import SECONDS, noted, result
 from .axes import Axes
 from .chunk import run_chunk
 from .plan import Plan
+from .work import Work
 
 _SECONDS = 0.5  # of work in a chunk: a kill costs no more, and the hand-over little beside it
 _MOST = 16384  # points in a chunk: bounds the memory of the chunks in flight
@@ -56,19 +57,17 @@ def run_chunks(
     plan: Plan,
     axes: Axes,
     todo: list[tuple[int, int]],
-    executor: Executor | None,
-    workers: int | None,
+    work: Work,
     keep: Callable[[int, int, dict[str, np.ndarray]], None],
-    progress: Any,
     deadline: float = math.inf,
 ) -> None:
     """Run the chunks (start, stop) of `todo` and hand each result to `keep`, in the order in which they finish.
 
     RuntimeError where a worker was lost; chunks handed to `keep` before are complete.
     """
-    own = executor is None
-    workers = workers or (cores() if own else getattr(executor, "_max_workers", None) or 64)
-    pool: Executor = ThreadPoolExecutor(workers) if executor is None else executor
+    own = work.executor is None
+    workers = work.workers or (cores() if own else getattr(work.executor, "_max_workers", None) or 64)
+    pool: Executor = work.executor or ThreadPoolExecutor(workers)
     if own and todo:
         # Compile once, before the threads start: otherwise each would.
         _apart(plan, axes.columns(todo[0][0], todo[0][0] + 1), deadline)
@@ -77,7 +76,7 @@ def run_chunks(
     waiting = iter(todo)
     running: dict[Any, tuple[int, int]] = {}
     try:
-        with noted() as look, _bar(progress, todo) as advance:
+        with noted() as look, _bar(work.progress, todo) as advance:
             while True:
                 # A few more than there are workers, so that none is idle; not all, so that memory stays bounded.
                 while len(running) < 2 * workers and (chunk := next(waiting, None)) is not None:

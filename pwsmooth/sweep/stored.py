@@ -55,7 +55,7 @@ def read_store(path: Any) -> xarray.Dataset:
     >>> x, k = sp.symbols("x k", positive=True)
     >>> path = tempfile.mkdtemp() + "/decay.zarr"
     >>> found = sweep(System({x: -k * x}, parameters={k: 1}), {"k": [0.5, 1.0]}, x0={"x": 1}, t_span=(0, 1),
-    ...               measures=["counts"], store=path)
+    ...               measures=["counts"], work=Work(store=path))
     >>> read_store(path).identical(found)
     True
     """

@@ -20,6 +20,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, Validatio
 from ..analysis.maps.seen import LONGEST, Return, Strobe
 from ..door import calls, checks
 from ..laws.catalogue import known_laws
+from .work import Work
 
 _HELPERS = ("assemble", "chain_of_blocks", "grazing_amplitude")  # functions among the scenes that make none
 
@@ -108,10 +109,7 @@ class SeenTable(Table):
 
 def seen_of(table: SeenTable | None) -> Strobe | Return | None:
     """What the table says; StudyError for what the value refuses."""
-    try:
-        return None if table is None else table.value()
-    except (TypeError, ValueError) as error:
-        raise StudyError(f"seen: {error}") from None
+    return None if table is None else called(table.value, {}, "seen")
 
 
 class Study(Table):
@@ -251,7 +249,7 @@ def arguments_of(study: Study, names: Names | None = None) -> tuple[Any, dict[st
     if study.kicks is not None:
         from ..noise.kicks import Kicks
 
-        arguments["noise"] = _call(Kicks, study.kicks, "kicks")
+        arguments["noise"] = called(Kicks, study.kicks, "kicks")
     return system, arguments
 
 
@@ -265,7 +263,7 @@ def system_of(table: SystemTable, names: Names) -> Any:
     if table.object is not None:
         system = names.get(table.object, "system.object")
         if callable(system) and not hasattr(system, "model"):
-            system = _call(system, table.arguments, "system.arguments")
+            system = called(system, table.arguments, "system.arguments")
     else:
         known = known_scenes()
         if table.scene not in known:
@@ -273,7 +271,7 @@ def system_of(table: SystemTable, names: Names) -> Any:
         arguments = dict(table.arguments)
         if law := _law(known[table.scene], table):
             arguments["law"] = law
-        system = _call(known[table.scene], arguments, "system.arguments")
+        system = called(known[table.scene], arguments, "system.arguments")
     return _viewed(system, table)
 
 
@@ -300,7 +298,7 @@ def _law(scene: Any, table: SystemTable) -> Any:
         raise StudyError(
             f"system.law is {table.law!r}, {reason}; those that fit are {', '.join(takes.names())}."
         )
-    return _call(law, table.law_parameters, "system.law_parameters")
+    return called(law, table.law_parameters, "system.law_parameters")
 
 
 def _viewed(system: Any, table: SystemTable) -> Any:
@@ -311,11 +309,11 @@ def _viewed(system: Any, table: SystemTable) -> Any:
     if not hasattr(bare, "model"):
         raise StudyError(f"system.object is {bare!r}; give a System, a scene, or a function that returns one.")
     if table.parameters:
-        bare = _call(bare.with_parameters, {"parameters": table.parameters}, "system.parameters")
+        bare = called(bare.with_parameters, {"parameters": table.parameters}, "system.parameters")
     if table.layered:
-        bare = _call(bare.layered, {"ratios": table.layered}, "system.layered")
+        bare = called(bare.layered, {"ratios": table.layered}, "system.layered")
     if table.smoothed:
-        bare = _call(bare.smoothed, table.smoothed, "system.smoothed")
+        bare = called(bare.smoothed, table.smoothed, "system.smoothed")
     return replace(system, system=bare) if bare is not system and hasattr(system, "x0") else bare
 
 
@@ -334,7 +332,7 @@ def law_of(name: str, fit: Iterable[str] | None = None) -> Any:
     return known[name]
 
 
-def _call(function: Any, arguments: dict[str, Any], key: str) -> Any:
+def called(function: Any, arguments: dict[str, Any], key: str) -> Any:
     try:
         return function(**arguments)
     except (TypeError, ValueError) as error:
@@ -367,4 +365,4 @@ def run_study(
     if store.exists() and not checks.flag(resume, "`resume`"):
         raise StudyError(f"{store} exists; add --resume to go on with it, or give another --out.")
     system, arguments = arguments_of(study, Names(names or {}, path.parent if allow_code else None))
-    return sweep(system, store=store, workers=workers, progress=progress, **arguments), store
+    return sweep(system, work=Work(workers=workers, store=store, progress=progress), **arguments), store

@@ -118,10 +118,10 @@ def test_a_cycle_is_followed_along_the_length_of_its_rod():
     rate = -sp.sin(phi) / L + sp.Rational(3, 10) * (1 - 10 * L**2 * sp.sin(phi) ** 2) * u
     angle = System({phi: u, u: rate}, parameters={L: 1.0})
     across = next(s for s in rod.states if s.name == "x_dot")
-    wanted = follow(find_orbit(angle, {phi: 0.66, u: 0}, seen=Return(u, direction=-1)), "L", 1.2)
+    wanted = follow(find_orbit(angle, {phi: 0.66, u: 0}, seen=Return(u, direction=-1)), {"L": 1.2})
     begun = find_orbit(rod, {"x": 0.6, "y": -0.8, "x_dot": 0, "y_dot": 0}, seen=Return(across, direction=-1))
     assert begun.success and begun.stable and begun.isolated
-    found = follow(begun, "L", 1.2)
+    found = follow(begun, {"L": 1.2})
     last, other = found.orbits[-1], wanted.orbits[-1]
     assert last.system.parameters[L] == pytest.approx(1.2) == other.system.parameters[L]
     assert np.hypot(*last.x[:2]) == pytest.approx(1.2, abs=1e-9)

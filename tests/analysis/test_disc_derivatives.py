@@ -147,7 +147,7 @@ def test_the_planar_oscillator_has_its_orbit_and_sticks_are_born_on_its_branch()
     system, start, _ = _oscillator()
     orbit = find_orbit(system, start, seen=Strobe(8 * sp.pi), transient=20)
     assert orbit.stable and not len(orbit.solution().event_times("stick"))
-    branch = follow(orbit, mu, to=1.2)
+    branch = follow(orbit, {mu: 1.2})
     born = branch.of_kind("grazing-sliding")
     assert len(born) == 2 and born[0].parameter == pytest.approx(born[1].parameter, abs=1e-9)
     # Beyond it the block stops twice in a period.

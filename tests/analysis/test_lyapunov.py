@@ -150,7 +150,7 @@ def test_exponents_along_a_branch_are_those_of_the_linear_flow():
     # x'' + c x' + x = cos t, overdamped: the exponents -c/2 +- sqrt(c^2/4 - 1).
     c = sp.Symbol("c", positive=True)
     oscillator = System({x: u, u: sp.cos(t) - x - c * u}, time=t, parameters={c: 3})
-    branch = follow(find_orbit(oscillator, {x: 0, u: 0}, seen=Strobe(2 * sp.pi)), c, to=2.5)
+    branch = follow(find_orbit(oscillator, {x: 0, u: 0}, seen=Strobe(2 * sp.pi)), {c: 2.5})
     root = np.sqrt(branch.values**2 / 4 - 1)
     assert branch.exponents == pytest.approx(np.array([root, -root]) - branch.values / 2, abs=1e-8)
     assert branch.to_dataframe()["largest_exponent"].to_numpy() == pytest.approx(branch.exponents[0], abs=0)

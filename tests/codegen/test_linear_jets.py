@@ -159,7 +159,7 @@ def test_parameters_that_change_from_orbit_to_orbit_have_their_own_responses():
     system = oscillator.coulomb()
     points = {"k": [1.6, 3.1, 1.6, 3.1, 1.6], "sigma": [1.2, 1.2, 2.4, 2.4, 1.2]}
     start = {y: 0.5, v: 0.3}
-    options = dict(seen=Strobe(2 * sp.pi), transient=0, periods=5, measures=["points"], progress=False)
+    options = dict(seen=Strobe(2 * sp.pi), transient=0, periods=5, measures=["points"])
     grid = sweep(system, points=points, x0=start, **options)
     found = grid.v_points.values
     assert np.array_equal(found[0], found[4])

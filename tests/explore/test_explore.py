@@ -317,7 +317,7 @@ def test_the_script_of_a_file_makes_its_system(tmp_path, monkeypatch, what):
         "def scene():\n    return Scene('own', system, {'x': 3.5, 'v': 0.0}, (0, 10))\n"
     )
     study = tmp_path / "study.toml"
-    study.write_text(f't_span = [0, 10]\nmeasures = ["extremes(x)"]\nstart = {{x = 3.5, v = 0.0}}\n[axes]\nx = [1.0]\n'
+    study.write_text(f't_span = [0, 10]\nmeasures = ["extremes(x)"]\nx0 = {{x = 3.5, v = 0.0}}\n[axes]\nx = [1.0]\n'
                      f'[system]\nobject = "own.py:{what}"\n')  # fmt: skip
     opened = [subject.subject_of_study(study, allow_code=True)]
     if what == "scene":

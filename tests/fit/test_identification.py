@@ -319,8 +319,8 @@ def test_a_bad_record_is_named(change, said):
         (dict(values={"y": np.zeros(9)}), {}, "`values` of a Record names 'y'; the system has x, v"),
         (dict(unknown=["z"]), {}, "`unknown` of a Record names 'z'"),
         (dict(x0={}, unknown=["v"]), {}, "`unknown` names v, neither measured"),
-        ({}, dict(parameters=["G"]), "`parameters` names G; parameters of the system are F, k"),
-        ({}, dict(parameters=[]), "`parameters` is empty"),
+        ({}, dict(by=["G"]), "`by` names G; parameters of the system are F, k"),
+        ({}, dict(by=[]), "`by` is empty"),
         ({}, dict(bounds={"k": (2, 1)}), r"`bounds` of k is \(2, 1\); give the lowest first"),
         ({}, dict(bounds={"k": (2, 3)}), "the first guess of 'k' is 1.5, outside of its `bounds`"),
         ({}, dict(bounds={"m": (2, 3)}), "`bounds` names 'm', which is not fitted"),
@@ -331,7 +331,7 @@ def test_a_bad_record_is_named(change, said):
 def test_a_bad_call_is_named(record, options, said):
     given = dict(t=np.arange(9.0), values={"x": np.ones(9)}, x0={"x": 3, "v": 0}) | record
     with pytest.raises(ValueError, match=said):
-        fit(block(), Record(**given), **(dict(parameters=["F", "k"]) | options))
+        fit(block(), Record(**given), **(dict(by=["F", "k"]) | options))
 
 
 def test_too_few_samples_are_refused():

@@ -26,7 +26,7 @@ import sympy as sp
 
 from pwsmooth import Strobe, Switch, System, sweep
 from pwsmooth.codegen.machine import cache
-from pwsmooth.sweep import read_store
+from pwsmooth.sweep import Work, read_store
 
 PAGE = 4096
 
@@ -105,7 +105,7 @@ def _run(store=None):
     return sweep(
         block, {"k": [2.0, 3.0, 4.5], "sigma": [1.2, 1.8, 2.4, 3.1]}, x0={"y": 0.5, "v": 0.3},
         seen=Strobe(2 * sp.pi),
-        transient=2, periods=8, chunk=2, workers=1, store=store, progress=False,
+        transient=2, periods=8, work=Work(workers=1, chunk=2, store=store, progress=False),
         measures=["itinerary", "sticks", "period", "amplitude(y)", "points(y)"],
     )  # fmt: skip
 

@@ -36,6 +36,7 @@ import public_names
 
 import pwsmooth
 from pwsmooth import Diffusion, Event, Family, Kicks, Switch, System, costs, scenes, solve
+from pwsmooth.analysis.continuation import Steps
 from pwsmooth.analysis.maps import sections
 from pwsmooth.analysis.sticking import regions as sticking
 from pwsmooth.explore import opening
@@ -43,7 +44,7 @@ from pwsmooth.fit import Record, fit
 from pwsmooth.laws import Joint, contact, friction
 from pwsmooth.paths.derivatives.of_solution import NoDerivative
 from pwsmooth.scenes import sketch
-from pwsmooth.sweep import make_plan, study
+from pwsmooth.sweep import Work, make_plan, study
 
 SECONDS = 5.0  # of processor time in a call
 t, x, v, k, z = sp.symbols("t x v k z", real=True)
@@ -167,11 +168,11 @@ def subjects():
     logistic = pwsmooth.find_orbit(
         System({x: 0 * x}, time=t, parameters={k: 2.9, z: 0}, events=[jump]), {x: 0.6}, seen=pwsmooth.Strobe(1)
     )
-    (flip,) = pwsmooth.follow(logistic, k, 3.1).of_kind("flip")
+    (flip,) = pwsmooth.follow(logistic, {k: 3.1}).of_kind("flip")
     mapped = System({x: 0 * x}, time=t, parameters={k: 2.9, z: 0}, events=[jump])
     pulled = System({x: k / 4 - Switch("lam", x)}, parameters={k: 1})
     wave = System({x: v, v: (k - x**2) * v - x}, parameters={k: -0.5})
-    (hopf,) = pwsmooth.follow(pwsmooth.find_equilibrium(wave, {x: 0, v: 0}), k, 0.5).of_kind("Hopf")
+    (hopf,) = pwsmooth.follow(pwsmooth.find_equilibrium(wave, {x: 0, v: 0}), {k: 0.5}).of_kind("Hopf")
     record = Record(np.linspace(0, 1, 9), {"x": np.linspace(1, 1.1, 9)}, x0=start)
     fitted = fit(system, record, ["k"], max_runs=2)
     strobe = sections.Stroboscopic(system, drive, options=short)
@@ -196,13 +197,13 @@ def subjects():
     path.write_text("[system]\nscene = 'friction_oscillator'\nlaw = 'Coulomb'\n[axes]\nspring = [1.0]\n")
     loaded = study.read_study(path)
     saved = str(Path(out) / "saved.zarr")
-    pwsmooth.diagram(
-        mapped, k, (2.5, 2.9), {"x": 0.6}, pwsmooth.Strobe(1, phase=0.5), values=2, max_points=20, store=saved
-    )
+    seen = pwsmooth.Strobe(1, phase=0.5)
+    few, kept = Steps(max_points=20), Work(store=saved)
+    pwsmooth.diagram(mapped, {k: (2.5, 2.9)}, {"x": 0.6}, seen, values=2, steps=few, work=kept)
     saddle = pwsmooth.find_equilibrium(System({x: v, v: x}), {x: 0, v: 0})
     through = System({x: 1, v: -x, z: -v - Switch("lam", z)})
     stored = str(Path(out) / "stored.zarr")
-    pwsmooth.sweep(system, {"k": [1.0]}, x0=start, t_span=(0, 1), measures=["counts"], store=stored)
+    pwsmooth.sweep(system, {"k": [1.0]}, x0=start, t_span=(0, 1), measures=["counts"], work=Work(store=stored))
     given = {
         "System": dict(
             rates={x: v, v: -k * x}, time=t, parameters={k: 1}, outputs={"a": x}, events=[Event(x - 9)]
@@ -250,7 +251,7 @@ def subjects():
         "find_orbit": dict(
             system=system, x0=start, seen=pwsmooth.Strobe(drive, symmetry={x: -x, v: -v}), rtol=1e-12, **short
         ),
-        "follow": dict(orbit=orbit, parameter=k, to=1.01, max_points=5),
+        "follow": dict(start=orbit, over={k: 1.01}, steps=Steps(max_points=5)),
         "find_equilibrium": dict(system=pulled, x0={"x": 0.2}, sides={"lam": 0}),
         "equilibria": dict(system=pulled, box={"x": (-1.0, 1.0)}, sides={"lam": 0}, starts=8),
         "manifold": dict(saddle=saddle, kind="stable", length=0.5, box={x: (-2, 2), v: (-2, 2)}, max_points=50),
@@ -312,32 +313,36 @@ def subjects():
         ),
         "diagram": dict(
             system=mapped,
-            parameter=k,
-            range=(2.5, 2.9),
+            over={k: (2.5, 2.9)},
             x0={"x": 0.6},
             seen=pwsmooth.Strobe(1, phase=0.5),
             values=2,
-            max_points=20,
-            orbits=[],
+            steps=Steps(max_points=20),
             **short,
         ),
-        "bifurcation_set": dict(
-            system=mapped,
-            parameters=(k, z),
-            ranges=((2.5, 2.9), (-0.1, 0.1)),
-            x0={"x": 0.6},
-            seen=pwsmooth.Strobe(1, phase=0.5),
-            values=2,
-            max_points=20,
-            lines={z: [0.0]},
-            **short,
+        "diagram over two": (
+            pwsmooth.diagram,
+            dict(
+                system=mapped,
+                over={k: (2.5, 2.9), z: (-0.1, 0.1)},
+                x0={"x": 0.6},
+                seen=pwsmooth.Strobe(1, phase=0.5),
+                values=2,
+                steps=Steps(max_points=20),
+                lines={z: [0.0]},
+                **short,
+            ),
         ),
+        "Steps": dict(first=0.01, longest=0.1, shortest=1e-6, max_points=5),
+        "Work": dict(workers=2, chunk=3, store=stored, progress=False),
         "read_diagram": dict(path=saved),
-        "read_set": dict(path=saved),
         "bifurcations_between": None,  # between points of a walk, which is made inside
         "capture_threshold": dict(rho=3.0, ratio=1.0),
         "critical_ratio": dict(rho=3.0),
-        "follow_curve": dict(start=flip, ranges={k: (2.5, 3.5), z: (-0.5, 0.5)}, virtual=False, max_points=3),
+        "follow over two": (
+            pwsmooth.follow,
+            dict(start=flip, over={k: (2.5, 3.5), z: (-0.5, 0.5)}, virtual=False, steps=Steps(max_points=3)),
+        ),
         "branch_off": dict(bifurcation=flip, amplitude=0.05),
         "change_between": dict(one=orbit, other=orbit),
         "same_itinerary": dict(one=orbit, other=orbit),
@@ -530,7 +535,7 @@ def subjects():
         ),
         "follow equilibrium": (
             pwsmooth.follow,
-            dict(orbit=pwsmooth.find_equilibrium(pulled, {"x": 0.2}), parameter=k, to=5, max_points=5),
+            dict(start=pwsmooth.find_equilibrium(pulled, {"x": 0.2}), over={k: 5}, steps=Steps(max_points=5)),
         ),
         "find_orbit section": (
             pwsmooth.find_orbit,

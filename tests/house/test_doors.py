@@ -27,7 +27,6 @@ from pwsmooth import (
     System,
     Unilateral,
     basins,
-    bifurcation_set,
     costs,
     diagram,
     ensemble,
@@ -45,7 +44,7 @@ from pwsmooth.laws.catalogue import known_laws
 from pwsmooth.laws.contact import Hertz
 from pwsmooth.laws.friction import Coulomb, Dahl
 from pwsmooth.scenes import Scene, block_on_belt, force_driven, prescribed_motion
-from pwsmooth.sweep import Period, Points, make_plan
+from pwsmooth.sweep import Period, Points, Work, make_plan
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "docs"))
 
@@ -94,7 +93,7 @@ REFUSED = {
     "max_count of Period": ("max_count", lambda: Period(max_count="abc")),
     "last of Points": ("last", lambda: Points("x", last=-1)),
     "law of a scene": ("law", lambda: force_driven("Coulomb", 1)),
-    "start of a Scene": ("start", lambda: Scene("s", BLOCK, 5, (0, 1))),
+    "x0 of a Scene": ("x0", lambda: Scene("s", BLOCK, 5, (0, 1))),
     "times of a Drive": ("times", lambda: Drive("abc", [1, 2, 3, 4])),
     "a name where times stand": ("t", lambda: solve(BLOCK, (0, 1), START, dense_output=True)("x")),
     "a name that is none": ("name", lambda: solve(BLOCK, (0, 1), START, dense_output=True)(0.5, "mu")),
@@ -163,10 +162,7 @@ TOOLS = {
     "orbit_diagram": lambda **given: orbit_diagram(BLOCK, k, [1.0], START, Strobe(T), **given),
     "find_orbit": lambda **given: find_orbit(BLOCK, START, seen=Strobe(T), **given),
     "lyapunov_exponents": lambda **given: lyapunov_exponents(BLOCK, START, 10.0, **given),
-    "diagram": lambda **given: diagram(BLOCK, k, (1, 2), START, seen=Strobe(T), **given),
-    "bifurcation_set": lambda **given: bifurcation_set(
-        BLOCK, {k: (1, 2), "q": (1, 2)}, START, seen=Strobe(T), **given
-    ),
+    "diagram": lambda **given: diagram(BLOCK, {k: (1, 2)}, START, seen=Strobe(T), **given),
     "minimise": lambda **given: costs.minimise(BLOCK, costs.final(x), (0, 1), START, [k], **given),
     "fit_law": lambda **given: fit_law(Coulomb(), [0, 1], [0, 1], [0, 1], **given),
 }
@@ -175,6 +171,8 @@ TOOLS = {
 @pytest.mark.parametrize("option", ["t_eval", "dense_output", "by", "local", "threads", "foo"])
 @pytest.mark.parametrize("tool", TOOLS)
 def test_a_tool_refuses_by_name_what_it_cannot_pass_on_to_solve(tool, option):
+    if option == "by" and tool in ("minimise", "fit_law"):
+        return  # their own
     with pytest.raises(TypeError, match=rf"^{tool}\(\) has no argument `{option}`"):
         TOOLS[tool](**{option: None})
 
@@ -189,8 +187,8 @@ def test_parameters_of_a_tool_are_those_of_its_system():
     for subject in (BLOCK, scene):
         found = sweep(subject, {"v": [0.1]}, parameters={k: 2}, **again)
         assert found.equals(sweep(stiffer, {"v": [0.1]}, **again))
-    with pytest.raises(ValueError, match="`workers` is for independent runs"):
-        orbit_diagram(BLOCK, k, [1.0], START, Strobe(T), carry=True, workers=1)
+    with pytest.raises(ValueError, match="`work` is for independent runs"):
+        orbit_diagram(BLOCK, k, [1.0], START, Strobe(T), carry=True, work=Work(workers=1))
 
 
 def test_maps_refuse_options_that_would_pin_their_parameters():

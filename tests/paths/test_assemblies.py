@@ -20,7 +20,7 @@ from family_models import template_from
 
 from pwsmooth import Event, Family, Outcome, Recorder, Switch, System, solve, sweep
 from pwsmooth.paths import local
-from pwsmooth.sweep import Function
+from pwsmooth.sweep import Function, Work
 
 TIGHT = dict(rtol=1e-12, atol=1e-14)
 
@@ -276,8 +276,8 @@ def test_a_sweep_of_local_runs_has_the_bits_of_solve_on_threads_and_on_a_cluster
     def swept(**more):
         measure = Function(quakes, names=("avalanches", "moment"))
         return sweep(
-            system, {"k": stiffness}, x0=start, t_span=(0, 20), measures=[measure], record=Recorder(), chunk=1,
-            progress=False, **more,
+            system, {"k": stiffness}, x0=start, t_span=(0, 20), measures=[measure], record=Recorder(),
+            work=Work(chunk=1, progress=False, **more),
         )  # fmt: skip
 
     found = swept()

@@ -6,6 +6,7 @@ import sys
 import textwrap
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ from pwsmooth import (
 from pwsmooth.analysis.maps.sections import Section, Stroboscopic
 from pwsmooth.codegen.machine import clock, native
 from pwsmooth.paths import budget  # fmt: skip
+from pwsmooth.sweep import Work
 
 t, x, v, k = sp.symbols("t x v k", real=True)
 PERIOD = 2 * sp.pi
@@ -193,28 +195,30 @@ def test_a_bound_on_seconds_is_a_positive_number(value):
 def test_points_that_a_sweep_has_no_time_for_say_so_and_run_later(clocked, tmp_path):
     events = [Event(every=1000, update={x: x})] if clocked else []
     system = System({x: v, v: sp.cos(t) - k * x - v / 5}, time=t, parameters={k: 1}, events=events)
-    asked = dict(x0=START, measures=["counts"], max_steps=2**40, workers=2, chunk=1)
-    values = [1.0 + i / 10 for i in range(6)]
-    late = sweep(system, {"k": values}, t_span=(0, 1e8), max_seconds=0.2, **asked)
+    asked = dict(x0=START, measures=["counts"], max_steps=2**40)
+    values, work = [1.0 + i / 10 for i in range(6)], Work(workers=2, chunk=1)
+    late = sweep(system, {"k": values}, t_span=(0, 1e8), max_seconds=0.2, work=work, **asked)
     assert (late.outcome == Outcome.TIME_LIMIT).any() and "time_limit" in late.outcome.attrs["flag_meanings"]
     assert (late["steps"].values[late.outcome.values < 0] >= -1).all()
     store = tmp_path / "s.zarr"
-    part = sweep(system, {"k": values}, t_span=(0, 3000), store=store, max_seconds=1e-3, **asked)
+    part = sweep(
+        system, {"k": values}, t_span=(0, 3000), work=replace(work, store=store), max_seconds=1e-3, **asked
+    )
     assert (part.outcome == -128).any()
-    full = sweep(system, {"k": values}, t_span=(0, 3000), store=store, **asked)
-    fresh = sweep(system, {"k": values}, t_span=(0, 3000), **asked)
+    full = sweep(system, {"k": values}, t_span=(0, 3000), work=replace(work, store=store), **asked)
+    fresh = sweep(system, {"k": values}, t_span=(0, 3000), work=work, **asked)
     assert (full.outcome == 0).all() and np.array_equal(full["steps"], fresh["steps"])
 
 
 INTERRUPTED = """
 import signal
 import sympy as sp
-from pwsmooth import Function, System, sweep
-from pwsmooth.sweep import Function
+from pwsmooth import System, sweep
+from pwsmooth.sweep import Function, Work
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job begins deaf to it
 t, x, v, k = sp.symbols("t x v k", real=True)
 system = System({x: v, v: sp.cos(t) - k*x - v/5 - sp.sign(v)/4}, time=t, parameters={k: 1})
-options = dict(x0={"x": 1, "v": 0}, measures=["counts"], max_steps=2**50, workers=2, chunk=2)
+options = dict(x0={"x": 1, "v": 0}, measures=["counts"], max_steps=2**50, work=Work(workers=2, chunk=2))
 sweep(system, {"k": [1.0, 2.0]}, t_span=(0, 5), **options)
 print("begun", flush=True)
 try:
@@ -227,8 +231,8 @@ except KeyboardInterrupt:
 @pytest.mark.parametrize("chunk", [2, None])
 @pytest.mark.parametrize("measure", ["'counts'", "Function(lambda s: s['x'][-1], names='end')"])
 def test_ctrl_c_is_heard_in_the_middle_of_a_chunk(chunk, measure, tmp_path):
-    changed = f"{{**options, 'chunk': {chunk}, 'measures': [{measure}]}}"
-    script = textwrap.dedent(INTERRUPTED).replace("CHANGED", changed).replace("Function, System", "System")
+    changed = f"{{**options, 'work': Work(workers=2, chunk={chunk}), 'measures': [{measure}]}}"
+    script = textwrap.dedent(INTERRUPTED).replace("CHANGED", changed)
     with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline() == "begun\n"
         time.sleep(1.0)

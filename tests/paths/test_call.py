@@ -16,6 +16,7 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Diffusion, Kicks, Recorder, Strobe, System, find_orbit, follow, solve
+from pwsmooth.analysis.continuation import Steps
 from pwsmooth.costs import event_time, final, value_and_gradient
 from pwsmooth.costs import objective as objectives
 from pwsmooth.noise import diffusion_path
@@ -122,8 +123,8 @@ def test_behind_the_door_nothing_is_checked_again():
 
 def test_a_branch_followed_again_goes_through_no_door_of_solve():
     orbit = find_orbit(block(), START, seen=Strobe(sp.pi))
-    follow(orbit, F, to=0.5, step=0.1)
-    assert entered(lambda: follow(orbit, F, to=0.5, step=0.1), "pwsmooth/solve.py") == []
+    follow(orbit, {F: 0.5}, steps=Steps(first=0.1))
+    assert entered(lambda: follow(orbit, {F: 0.5}, steps=Steps(first=0.1)), "pwsmooth/solve.py") == []
 
 
 def test_a_start_that_needs_a_look_gets_one_behind_the_door_too():

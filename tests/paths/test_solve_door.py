@@ -13,6 +13,7 @@ import sympy as sp
 from pwsmooth import Event, Memory, Strobe, Switch, System, solve, sweep
 from pwsmooth.definition.model import Model
 from pwsmooth.paths.event_driven import EventDriven, Options
+from pwsmooth.sweep import Work
 
 t, x, v, z = sp.symbols("t x v z", real=True)
 k, beta = sp.symbols("k beta", positive=True)
@@ -299,7 +300,7 @@ def test_a_nonnegative_state_that_a_run_has_ended_within_rounding_below_zero_sta
 
 def test_every_start_takes_it():
     many = sweep(SWING, points={"level": [-7e-18, 0.0, 1.0]}, x0={v: 1}, seen=Strobe(2 * sp.pi),
-                 measures=["points(level)"], progress=False)  # fmt: skip
+                 measures=["points(level)"], work=Work(progress=False))  # fmt: skip
     assert (many.outcome.values == 0).all()
     assert SWING.initial_state([-7e-18, 1]) == [0.0, 1.0]
 

@@ -37,7 +37,7 @@ TWO_WELLS = System({x: x - x**3 - sp.sin(t) / 10, v: -v}, time=t)
 
 @pytest.fixture(scope="module")
 def branch():
-    return follow(find_orbit(LOGISTIC, {x: 0.6}, seen=Strobe(1, phase=0.5)), a, to=3.3)
+    return follow(find_orbit(LOGISTIC, {x: 0.6}, seen=Strobe(1, phase=0.5)), {a: 3.3})
 
 
 @pytest.fixture(scope="module")

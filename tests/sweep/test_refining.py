@@ -6,7 +6,7 @@ import sympy as sp
 from friction_oscillator import hidden, omega, z
 
 from pwsmooth import Event, Strobe, System, basins, orbit_diagram, sweep
-from pwsmooth.sweep import Period, Points, make_plan, refine, refining
+from pwsmooth.sweep import Period, Points, Work, make_plan, refine, refining
 from pwsmooth.sweep.basins import refine_basins
 from pwsmooth.sweep.refining import spread
 
@@ -47,7 +47,7 @@ def test_a_complete_refinement_is_the_sweep_to_the_bit(workers):
     plan = doubling()
     whole = sweep(
         logistic(), {c: VALUES}, x0={x: 0.3}, seen=Strobe(1), transient=100, periods=60,
-        measures=[Points("x", last=61), Period()], progress=False,
+        measures=[Points("x", last=61), Period()], work=Work(progress=False),
     )  # fmt: skip
     assert plan.dataset(refine(plan, settle=None, workers=workers)).identical(whole)
 
@@ -128,7 +128,7 @@ def test_bad_orders_and_budgets_are_refused_before_anything_runs():
     for bad, error in (([0, 100], ValueError), ([-1], ValueError), ([0.5], TypeError), ([[0]], TypeError)):
         with pytest.raises(error, match="`order`"):
             refine(plan, bad)
-    with pytest.raises(ValueError, match="`budget` is 0"):
+    with pytest.raises(ValueError, match="`max_seconds` is 0"):
         refine(plan, max_seconds=0)
     with pytest.raises(ValueError, match="`settle` is -1"):
         refine(plan, settle=-1)

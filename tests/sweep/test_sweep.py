@@ -12,7 +12,7 @@ import sympy as sp
 from friction_oscillator import coulomb, hidden, omega, z
 
 from pwsmooth import Event, Kicks, Outcome, Strobe, Switch, System, Unilateral, solve, sweep
-from pwsmooth.sweep import Function, Period, Points
+from pwsmooth.sweep import Function, Period, Points, Work
 from pwsmooth.sweep.chunk import run_chunk, solve_point
 from pwsmooth.sweep.plan import read_plan
 
@@ -151,7 +151,7 @@ def test_chunks_and_threads_change_no_bit(chunk, workers):
         return sweep(
             hidden().layered({z: sp.oo}), {"k": np.linspace(1.5, 5, 5), "sigma": np.linspace(0.6, 3, 5)}, x0=MOVING,
             seen=Strobe(DRIVE), transient=5, periods=4, measures=["sticks", "itinerary", "points", "statistics(y)"],
-            chunk=chunk, workers=workers,
+            work=Work(workers=workers, chunk=chunk),
         )  # fmt: skip
 
     whole, parts = run(25, 1), run(chunk, workers)
@@ -343,9 +343,9 @@ def test_noise_is_swept_by_trajectory_whatever_the_chunks():
     arguments = dict(
         x0=MOVING, seen=Strobe(DRIVE), transient=1, periods=2, measures=["points(y)", "sticks", "counts"]
     )
-    found = sweep(coulomb(), {"trajectory": range(4)}, noise=kicks, chunk=1, **arguments)
+    found = sweep(coulomb(), {"trajectory": range(4)}, noise=kicks, work=Work(chunk=1), **arguments)
     assert found.identical(
-        sweep(coulomb(), {"trajectory": range(4)}, noise=kicks, chunk=4, workers=1, **arguments)
+        sweep(coulomb(), {"trajectory": range(4)}, noise=kicks, work=Work(workers=1, chunk=4), **arguments)
     )
     assert len(set(found.y_points.values[:, -1].tolist())) == 4
     for i in (0, 3):

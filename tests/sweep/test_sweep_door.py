@@ -5,7 +5,7 @@ import sympy as sp
 from friction_oscillator import coulomb, hidden, omega
 
 from pwsmooth import Strobe, System, sweep
-from pwsmooth.sweep import Extremes, Function
+from pwsmooth.sweep import Extremes, Function, Work
 
 DRIVE = 2 * sp.pi / omega
 GOOD = dict(axes={"sigma": [1.2, 2.4]}, x0={"y": 0.5, "v": 0.3}, seen=Strobe(DRIVE))
@@ -50,15 +50,28 @@ x, a, every = sp.symbols("x a every", positive=True)
         (dict(order=3), ["`order`", "3"]),
         (dict(method="radau5"), ["radau5", "taylor"]),
         (dict(dense_output=True), ["dense_output", "no argument"]),
-        (dict(workers=0), ["`workers`", "0"]),
-        (dict(chunk=1.5), ["`chunk`", "1.5"]),
-        (dict(executor=3), ["`executor`", "Executor"]),
+        (dict(work=2), ["`work` is 2", "Work(...)"]),
     ],
 )
 def test_refusals_name_the_argument_and_the_remedy(change, words):
     arguments = GOOD | change
     with pytest.raises((ValueError, TypeError)) as caught:
         sweep(coulomb(), arguments.pop("axes"), **arguments)
+    for word in words:
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "given, words",
+    [
+        (dict(workers=0), ["`workers` of Work", "0"]),
+        (dict(chunk=1.5), ["`chunk` of Work", "1.5"]),
+        (dict(executor=3), ["`executor`", "Executor"]),
+    ],
+)
+def test_work_that_cannot_be_done_is_refused(given, words):
+    with pytest.raises((ValueError, TypeError)) as caught:
+        Work(**given)
     for word in words:
         assert word in str(caught.value)
 

@@ -29,7 +29,7 @@ from friction_oscillator import coulomb, omega
 
 from pwsmooth import Strobe, sweep
 from pwsmooth.codegen.machine import cache
-from pwsmooth.sweep import Amplitude, Function, Measure, read_store
+from pwsmooth.sweep import Amplitude, Function, Measure, Work, read_store
 from pwsmooth.sweep.contract import Variable
 from pwsmooth.sweep.identity import UNKNOWN, digest
 
@@ -39,9 +39,9 @@ LONG = 6000  # periods of a transient that makes a chunk take some 50 ms: time t
 AXES = {"k": np.linspace(1.5, 5, 12), "sigma": np.linspace(0.6, 3, 10)}
 
 
-def run(store=None, **changes):
+def run(store=None, executor=None, chunk=3, workers=2, **changes):
     arguments = dict(
-        x0=START, seen=Strobe(2 * sp.pi / omega), transient=20, periods=8, chunk=3, workers=2, store=store,
+        x0=START, seen=Strobe(2 * sp.pi / omega), transient=20, periods=8, work=Work(executor, workers, chunk, store),
         measures=["sticks", "itinerary", "period", "points(y)", Amplitude("y")],
     ) | changes  # fmt: skip
     return sweep(coulomb(), AXES, **arguments)

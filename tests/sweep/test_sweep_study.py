@@ -158,7 +158,7 @@ def test_all_mistakes_are_named_at_once(study):
     study.write_text(STUDY.replace("count = 2", "count = 0").replace("y = 0.5", "y = 'up'"))
     with pytest.raises(StudyError) as caught:
         read_study(study)
-    assert "axes.sigma.count" in str(caught.value) and "start.y" in str(caught.value)
+    assert "axes.sigma.count" in str(caught.value) and "x0.y" in str(caught.value)
 
 
 def test_a_missing_file_is_named(tmp_path):

@@ -41,7 +41,7 @@ buck = System(
 # The orbit with one pulse a period, followed in :math:`E`. The section lies half a period after the clock,
 # where nothing switches.
 orbit = find_orbit(buck, {v: 12, i: 550}, seen=Strobe(T, phase=0.5), transient=200)
-branch = follow(orbit, E, to=28)
+branch = follow(orbit, {E: 28})
 (flip,) = branch.of_kind("flip")
 print(f"period doubling at E = {flip.parameter:.8f} V")
 

@@ -42,7 +42,7 @@ orbit
 # %%
 # Its largest multiplier is below 1; the others vanish, since a slide forgets how it began. Followed in
 # :math:`\rho` it meets an unstable one and both are gone.
-branch = follow(orbit, rho, to=-2)
+branch = follow(orbit, {rho: -2})
 (fold,) = branch.of_kind("fold")
 print(f"the orbit ends in a fold at rho = {fold.parameter:.9f}")
 

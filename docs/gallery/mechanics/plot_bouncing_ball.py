@@ -37,7 +37,7 @@ ball = System(
 # %%
 # The orbit is found by Newton's method on the stroboscopic map, and followed until it flips.
 orbit = find_orbit(ball, {s: 3.3, v: -2.3}, seen=Strobe(2 * sp.pi), transient=40)
-branch = follow(orbit, Gamma, to=1.7)
+branch = follow(orbit, {Gamma: 1.7})
 flip = branch.of_kind("flip")[0]
 exact = np.sqrt((np.pi / 3) ** 2 + 4 * 1.25**2 / 1.5**4)
 print(f"flip at Gamma = {flip.parameter:.12f}")

@@ -28,7 +28,7 @@ block = System(
 )
 search = dict(seen=Strobe(8 * sp.pi, symmetry={x: -x, y: -y, u: -u, v: -v}), transient=20)
 orbit = find_orbit(block, {x: 0.3, y: 0.1, u: 0.5, v: -0.4}, **search)
-branch = follow(orbit, mu, to=1.25)
+branch = follow(orbit, {mu: 1.25})
 born = branch.of_kind("grazing-sliding")
 print(*born, sep="\n")
 

@@ -26,6 +26,7 @@ import numpy as np
 import sympy as sp
 
 from pwsmooth import Return, System, find_orbit, follow, solve
+from pwsmooth.analysis.continuation import Steps
 
 phi, omega = sp.symbols("phi omega", real=True)
 Omega = sp.Symbol("Omega", positive=True)
@@ -48,7 +49,7 @@ sol = solve(string, (0, 60), {phi: 0, omega: 0}, dense_output=True)
 orbit = find_orbit(
     string, {phi: 10, omega: 0}, seen=Return(omega - 5), transient=30
 )
-branch = follow(orbit, Omega, to=10, longest_step=0.05)
+branch = follow(orbit, {Omega: 10}, steps=Steps(longest=0.05))
 highest = branch.values.max()
 hopf = omega_s * np.log((T_s - T_c) / (c * omega_s))
 print(f"even turning is stable from  Omega = {hopf:.5f} rad/s")

@@ -39,7 +39,7 @@ orbit = find_orbit(
     seen=Strobe(2 * sp.pi / omega, phase=0.25),
     transient=100,
 )
-branch = follow(orbit, omega, to=0.4)
+branch = follow(orbit, {omega: 0.4})
 for found in branch.bifurcations:
     print(f"omega = {found.parameter:.8f}: {found.kind}")
 

@@ -45,7 +45,7 @@ blocks = System(
 # The regular orbit at a fast belt, followed down. Where its multiplier is -1 it begins to alternate; it
 # exists below too, unstable.
 orbit = find_orbit(blocks, [0.5, 0, 0.2, 0], seen=Return(x1 - x2), transient=200)
-branch = follow(orbit, V, to=0.1)
+branch = follow(orbit, {V: 0.1})
 (flip,) = branch.of_kind("flip")
 print(orbit)
 print(f"period doubling at V = {flip.parameter:.8f}")

@@ -13,8 +13,8 @@ _HOME = {
     "bifurcations_between": "bifurcations",
     "branch_off": "branches",
     "cycle_from": "equilibria.hopf",
-    "follow": "branches",
-    "follow_curve": "two_parameters",
+    "Steps": "steps",
+    "follow": "following",
 }
 
 __all__ = [*_HOME]

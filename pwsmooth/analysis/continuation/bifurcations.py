@@ -77,7 +77,7 @@ class Bifurcation:
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> logistic = System({x: 0 * x}, time=t, parameters={a: 2.8}, events=[Event(every=1, update={x: a * x * (1 - x)})])
     >>> orbit = find_orbit(logistic, {x: 0.6}, seen=Strobe(1, phase=0.5))
-    >>> (flip,) = follow(orbit, a, to=3.3).bifurcations
+    >>> (flip,) = follow(orbit, {a: 3.3}).bifurcations
     >>> print(flip.kind, f"{flip.parameter:.6f}")
     flip 3.000000
     """

@@ -72,7 +72,7 @@ def cycle_from(
     >>> x, y, a = sp.symbols("x y a", real=True)
     >>> r2 = x**2 + y**2  # the cycle has the radius sqrt(a)
     >>> ring = System({x: a * x - y - x * r2, y: x + a * y - y * r2}, parameters={a: -0.5})
-    >>> (hopf,) = follow(find_equilibrium(ring, {x: 0, y: 0}), a, to=0.5).bifurcations
+    >>> (hopf,) = follow(find_equilibrium(ring, {x: 0, y: 0}), {a: 0.5}).bifurcations
     >>> cycle = cycle_from(hopf, 0.2)
     >>> cycle.success, round(cycle.system.parameters[a], 9), round(float(abs(cycle.x).max()) ** 2, 9)
     (True, 0.02, 0.02)

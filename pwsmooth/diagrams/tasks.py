@@ -4,7 +4,7 @@ A task is data, and its result depends on nothing else. So it does not matter wh
 the same call gives the same result with any number of workers, and after any kill. A result is a Zarr group of its own,
 `items/<sha256 of the task>`, moved into place whole, with a sha256 of every array: a damaged one is computed again.
 
-Chain: sweep/stored.py -> **work** -> one_parameter.py, two_parameters.py.
+Chain: sweep/stored.py -> **tasks** -> searching.py, over_two.py, calling.py.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from typing import Any
 
 import numpy as np
 
-from ..door import checks
 from ..paths import interrupts
 from ..sweep import stored
 from ..sweep.dataset import version_items
+from ..sweep.work import Work
 
 RESULT, ITEMS = "result", "items"
 Task = dict[str, Any]
@@ -38,7 +38,7 @@ def key_of(task: Task) -> str:
     return hashlib.sha256(json.dumps(task, sort_keys=True).encode()).hexdigest()[:24]
 
 
-class Work:
+class Tasks:
     """Results of tasks by `function(setting, task)`: from the store, from processes, or computed here."""
 
     def __init__(
@@ -91,8 +91,9 @@ class Workers:
 
 
 @contextlib.contextmanager
-def working(executor: Executor | None, workers: int | None) -> Iterator[Workers]:
+def working(work: Work) -> Iterator[Workers]:
     """The executor that is given, processes of one's own, or this process."""
+    executor, workers = work.executor, work.workers
     if executor is not None:
         with interrupts.noted() as look:
             yield Workers(executor, getattr(executor, "_max_workers", None) or 8, look)
@@ -166,17 +167,15 @@ def read_about(path: Path) -> dict[str, Any]:
     return about
 
 
-def read_result(path: Path, title: str) -> dict[str, Any]:
-    """The result in a store of this title."""
+def read_result(path: Path) -> tuple[str, dict[str, Any]]:
+    """The title of a store, and the result in it."""
     about = read_about(path)
-    if about["title"] != title:
-        raise ValueError(f"`path` {str(path)!r} holds a {about['title']}, not a {title}.")
     if not (path / RESULT / "zarr.json").exists():
         raise ValueError(
             f"{str(path)!r} is not finished: make the call that began it again, with this `store`."
         )
     try:
-        return read_group(path / RESULT)
+        return about["title"], read_group(path / RESULT)
     except Exception as error:  # zarr raises whatever its parsers raise
         raise ValueError(f"{str(path)!r} is damaged: {error}; make the call that made it again.") from error
 
@@ -227,10 +226,9 @@ def read_group(path: Path) -> Item:
 
 
 @contextlib.contextmanager
-def telling(progress: Any) -> Iterator[Callable[[str], None]]:
+def telling(work: Work) -> Iterator[Callable[[str], None]]:
     """A function that shows how far a call is, on a terminal by default."""
-    progress = checks.optional(checks.flag)(progress, "`progress`")
-    if not (sys.stderr.isatty() if progress is None else progress):
+    if not (sys.stderr.isatty() if work.progress is None else work.progress):
         yield lambda words: None
         return
     from rich.console import Console
