@@ -24,7 +24,8 @@ import numpy as np
 import sympy as sp
 from benchtools import provenance, write_json
 
-from pwsmooth import Strobe, Switch, System, find_orbit, follow, lyapunov_exponents, solve
+from pwsmooth import Strobe, Switch, System, find_orbit, follow, solve
+from pwsmooth.analysis.lyapunov import lyapunov_exponents
 from pwsmooth.analysis.maps import variations
 
 PERIOD, LONG = 2 * math.pi, 350.0

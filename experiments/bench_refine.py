@@ -23,7 +23,7 @@ import sympy as sp
 from benchtools import provenance, write_json
 
 from pwsmooth import Strobe, Switch, System, sweep
-from pwsmooth.sweep import Points, Work, basins, make_plan, refine
+from pwsmooth.studies import Points, Work, basins, make_plan, refine
 
 t, y, v, z = sp.symbols("t y v z", real=True)
 rho, beta, k, sigma, omega = sp.symbols("rho beta k sigma omega", nonnegative=True)

@@ -59,7 +59,7 @@ def pwsmooth_runner(rtol):
     import sympy as sp
 
     from pwsmooth import Strobe, Switch, System, sweep
-    from pwsmooth.sweep import Points, Work
+    from pwsmooth.studies import Points, Work
 
     t, y, v = sp.symbols("t y v", real=True)
     k, c, N, sigma, omega = sp.symbols("k c N sigma omega", nonnegative=True)

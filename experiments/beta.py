@@ -33,7 +33,7 @@ from friction_oscillator import hidden, omega, z
 from pwsmooth import Strobe, solve, sweep
 from pwsmooth.analysis.sticking import capture_threshold
 from pwsmooth.plotting import COLOUR, new_figure
-from pwsmooth.sweep import Function, Points
+from pwsmooth.studies import Function, Points
 
 DRIVE = 2 * sp.pi / omega
 LIMIT = 0.778356050  # the two-stage limit's stick, computed apart

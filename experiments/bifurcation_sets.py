@@ -59,7 +59,7 @@ from pwsmooth.analysis.maps import Stroboscopic
 from pwsmooth.analysis.orbits import refine
 from pwsmooth.diagrams.growing import Grown
 from pwsmooth.plotting import new_figure
-from pwsmooth.sweep import Period, Points, Work
+from pwsmooth.studies import Period, Points, Work
 
 DRIVE = 2 * sp.pi / omega
 MIRROR = {y: -y, v: -v}

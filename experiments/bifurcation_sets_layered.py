@@ -43,7 +43,7 @@ from pwsmooth.analysis.maps import Stroboscopic
 from pwsmooth.analysis.orbits import refine
 from pwsmooth.analysis.sticking import critical_ratio
 from pwsmooth.plotting import new_figure
-from pwsmooth.sweep import Period, Points, Work
+from pwsmooth.studies import Period, Points, Work
 
 DRIVE = 2 * sp.pi
 MIRROR = {y: -y, v: -v}

@@ -49,7 +49,7 @@ from pwsmooth import Strobe, System, find_orbit, follow, solve, sweep
 from pwsmooth.analysis.continuation import Steps
 from pwsmooth.analysis.sticking import capture_threshold, critical_ratio
 from pwsmooth.plotting import COLOUR, new_figure
-from pwsmooth.sweep import Function, Work
+from pwsmooth.studies import Function, Work
 
 PERIOD = 2 * sp.pi / omega
 MIRROR = {y: -y, v: -v}

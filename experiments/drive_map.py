@@ -38,9 +38,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 from friction_oscillator import coulomb, hidden, omega, z
 
-from pwsmooth import Strobe, basins, lyapunov_exponents, sweep
+from pwsmooth import Strobe, basins, sweep
+from pwsmooth.analysis.lyapunov import lyapunov_exponents
 from pwsmooth.plotting import COLOUR, new_figure
-from pwsmooth.sweep import Itinerary, Period, Work
+from pwsmooth.studies import Itinerary, Period, Work
 
 NAMED = {
     "S": ("at rest", "#BDBDBD"),

@@ -33,7 +33,7 @@ from pwsmooth.analysis.lyapunov import lyapunov_exponents
 from pwsmooth.analysis.maps import Stroboscopic
 from pwsmooth.analysis.orbits import find_orbit, refine
 from pwsmooth.plotting import COLOUR, new_figure
-from pwsmooth.sweep.basins import orbit_diagram
+from pwsmooth.studies.attraction import orbit_diagram
 
 SIGMOIDS = ("algebraic", "tanh", "erf")
 MIRROR = {osc.y: -osc.y, osc.v: -osc.v}

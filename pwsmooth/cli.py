@@ -206,7 +206,7 @@ def sweep(
         \[kicks]       arguments of Kicks: size, every, on, ...
     """
     with _in_words("sweep", "interrupted; finished chunks are kept, --resume goes on."), _telling(out):
-        from pwsmooth.sweep.study import run_study
+        from pwsmooth.studies.study import run_study
 
         data, store = run_study(study, out, resume, workers, allow_code=allow_code)
     names = dict(zip(data.outcome.attrs["flag_values"], data.outcome.attrs["flag_meanings"].split()))
@@ -214,7 +214,7 @@ def sweep(
     told = ", ".join(f"{codes.count(code)} {names[code].replace('_', ' ')}" for code in sorted(set(codes)))
     size = data.outcome.size
     typer.echo(
-        f"{size} point{'s' * (size != 1)}: {told}; {store}\nIn Python: pwsmooth.sweep.read_store({str(store)!r})"
+        f"{size} point{'s' * (size != 1)}: {told}; {store}\nIn Python: pwsmooth.studies.read_store({str(store)!r})"
     )
 
 
@@ -306,7 +306,7 @@ def explore(
     pip install websockets, or in a checkout pip install -e '.\\[explore]'.
     """
     with _in_words("explore"):
-        from pwsmooth.explore import opening
+        from pwsmooth.explorer import opening
 
         if list_only:
             typer.echo(opening.listing())

@@ -61,7 +61,7 @@ def cases():
         solve,
         sweep,
     )
-    from pwsmooth.compare.work_precision.cases import CASES
+    from pwsmooth.compare.efficiency.cases import CASES
     from pwsmooth.laws import contact, friction
     from pwsmooth.scenes import block_on_belt, falling_ball, impact_oscillator, prescribed_motion
 

@@ -118,7 +118,7 @@ assert abs(lost - 0.1 * 8.0 * swept) < 1e-9
 # %%
 # From here on it is a scene like the others: ``sweep`` takes it with its start and units.
 from pwsmooth import sweep
-from pwsmooth.sweep import Function
+from pwsmooth.studies import Function
 
 
 def rest_angle(solution):

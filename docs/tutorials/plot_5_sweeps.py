@@ -21,7 +21,7 @@ import numpy as np
 import sympy as sp
 
 from pwsmooth import Strobe, Switch, System, sweep
-from pwsmooth.sweep import Work, read_store
+from pwsmooth.studies import Work, read_store
 
 t, y, v = sp.symbols("t y v", real=True)
 k, sigma, rho = sp.symbols("k sigma rho", nonnegative=True)
@@ -88,7 +88,7 @@ assert (found.outcome >= 0).all() and counts.max() > 0.4 * found.outcome.size
 # %%
 # Measures of your own are functions of the :class:`~pwsmooth.Solution`; they run point by
 # point, in Python.
-from pwsmooth.sweep import Function
+from pwsmooth.studies import Function
 
 
 def longest_stick(solution, window):

@@ -14,7 +14,7 @@ from ..paths.budget import MOST_STEPS, opened
 from ..paths.call import Scratch
 from ..paths.derivatives.quantities import Quantities, quantities
 from ..paths.event_driven import Checkpoint, EventDriven
-from ..solve import solve, taped_run
+from ..solving import solve, taped_run
 from .quantities import Quantity
 from .reading import Asked, Gradient, Parts, gradients, read
 

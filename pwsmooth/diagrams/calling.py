@@ -11,7 +11,7 @@ from typing import Any
 from ..analysis.continuation.steps import Steps
 from ..analysis.maps.seen import Return, Strobe, how_seen
 from ..door import calls, checks
-from ..sweep.work import Work
+from ..studies.work import Work
 from .growing import grown
 from .looking import SWEEPS, looking
 from .over_two import Growing, lines_in

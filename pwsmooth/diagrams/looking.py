@@ -24,8 +24,8 @@ from ..analysis.maps.symmetry import symmetry_matrix
 from ..analysis.orbits.periodic_orbit import PeriodicOrbit
 from ..door import checks
 from ..results.records import Outcome
-from ..sweep import Period, Points, Work, sweep
-from ..sweep.identity import digest
+from ..studies import Period, Points, Work, sweep
+from ..studies.identity import digest
 from .plain import Setting, told
 from .result import Diagram
 from .searching import Ends, Search

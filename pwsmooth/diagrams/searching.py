@@ -23,7 +23,7 @@ from ..analysis.continuation.steps import Steps
 from ..analysis.maps.sections import Stroboscopic
 from ..analysis.orbits.finding import refine
 from ..results.records import Outcome
-from ..sweep.plan import NO_RETURN
+from ..studies.plan import NO_RETURN
 from .line import Line, same_points
 from .plain import Setting, distance, found_at, points_of, told
 from .tasks import Task, Tasks

@@ -1,8 +1,8 @@
 """A diagram over one parameter or two in a TOML file: `pwsmooth diagram STUDY.toml`, whose --help lists the keys.
 
-A study is data, as those of sweeps are (sweep/study.py), with the same table for the system and the same rule for code.
+A study is data, as those of sweeps are (studies/study.py), with the same tables and the same rule for code.
 
-Chain: sweep/study.py, calling.py -> **study** -> cli.py.
+Chain: studies/study.py, calling.py -> **study** -> cli.py.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..analysis.continuation.steps import Steps
 from ..analysis.maps.seen import Strobe
 from ..codegen.machine.workers import cores
 from ..door import checks
-from ..sweep.study import (
+from ..studies.study import (
     Names,
     SeenTable,
     StudyError,
@@ -30,7 +30,7 @@ from ..sweep.study import (
     system_of,
     values_of,
 )
-from ..sweep.work import Work
+from ..studies.work import Work
 from .calling import diagram
 
 Pair = Annotated[tuple[float, float], Field(strict=False)]  # TOML has lists

@@ -4,7 +4,7 @@ A task is data, and its result depends on nothing else. So it does not matter wh
 the same call gives the same result with any number of workers, and after any kill. A result is a Zarr group of its own,
 `items/<sha256 of the task>`, moved into place whole, with a sha256 of every array: a damaged one is computed again.
 
-Chain: sweep/stored.py -> **tasks** -> searching.py, over_two.py, calling.py.
+Chain: studies/stored.py -> **tasks** -> searching.py, over_two.py, calling.py.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from typing import Any
 import numpy as np
 
 from ..paths import interrupts
-from ..sweep import stored
-from ..sweep.dataset import version_items
-from ..sweep.work import Work
+from ..studies import stored
+from ..studies.dataset import version_items
+from ..studies.work import Work
 
 RESULT, ITEMS = "result", "items"
 Task = dict[str, Any]

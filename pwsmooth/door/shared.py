@@ -175,7 +175,7 @@ start, end : float, in the unit of the model's time, optional
 -> Quantity
     In the unit of the expression.
 """,
-    "pwsmooth.fit": """
+    "pwsmooth.fitting": """
 rtol : float, dimensionless
     Of the runs.
 record : int
@@ -209,7 +209,7 @@ lam : Symbol
 sigmoid : {"algebraic", "tanh", "erf"} or Expr
     Shape L(u) of the layer; an expression is one in u.
 """,
-    "pwsmooth.sweep": """
+    "pwsmooth.studies": """
 x0 : mapping of state to float, or sequence of float, length n
     Initial values of the states that are not swept, in their units.
 transient, periods : int
@@ -223,7 +223,7 @@ max_seconds : float, in units of processor time, s, optional
 setting : Setting
     Names, letters, units and periods of the sweep.
 """,
-    "pwsmooth.sweep.basins": """
+    "pwsmooth.studies.attraction": """
 system : System
     Driven, seen by a Strobe, or autonomous, seen by a Return.
 axes : mapping of name to sequence of float, any length
@@ -233,7 +233,7 @@ x0 : mapping of state to float, optional
 max_count : int
     Longest orbit, in periods or returns, that counts as periodic.
 """,
-    "pwsmooth.sweep.quantities": """
+    "pwsmooth.studies.quantities": """
 *names : str or Symbol
     States, multipliers or outputs.
 """,
@@ -265,11 +265,11 @@ of : str
 method : str
     One of `methods`.
 """,
-    "pwsmooth.compare.work_precision.charts": """
+    "pwsmooth.compare.efficiency.charts": """
 axes : Axes
     Where to draw.
 """,
-    "pwsmooth.compare.work_precision": """
+    "pwsmooth.compare.efficiency": """
 error : float, dimensionless
     Of the state, in units of its sizes.
 work : {"seconds", "evaluations"}
@@ -305,12 +305,12 @@ HOMES = {
         ResidualHuntCrossley ResidualIndentation RigidImpact composite_modulus contact_duration damping_factor
         effective_restitution exact_eta hertz_stiffness journal_stiffness maximal_indentation phase_curve
         restitution""",
-    "pwsmooth.fit": "Record compare fit fit_law",
+    "pwsmooth.fitting": "Record compare fit_law",
     "pwsmooth.costs": """
-        Objective at at_event duration event_time final integral largest minimise misfit smallest value_and_gradient""",
-    "pwsmooth.sweep": """
-        Amplitude Cost Extremes Function Itinerary Lyapunov Measure Period Points Statistics Window make_plan
-        Work read_store refine""",
+        Objective at at_event duration event_time final integral largest misfit smallest value_and_gradient""",
+    "pwsmooth.studies": """
+        Amplitude Cost Extremes Function Itinerary Lyapunov Measure Period Points Statistics Window Work
+        ensemble make_plan orbit_diagram read_store refine refine_basins""",
     "pwsmooth.diagrams": "Found Meeting read_diagram",
     "pwsmooth.compare": "CASES METHODS case_of ladder stability work_precision",
     "pwsmooth.compare.exact": "Check ExactProblem problems verify",
@@ -319,6 +319,10 @@ HOMES = {
         Observable Rung Step amplitude centre contact_rungs contact_setting curve end_value friction_rungs
         friction_setting judge least peak period recommend scenes setting_of share_below""",
     "pwsmooth.analysis.continuation": "Steps",
+    "pwsmooth.analysis.equilibria": "equilibria",
+    "pwsmooth.analysis.global_objects": "manifold sliding_portrait",
+    "pwsmooth.analysis.lyapunov": "lyapunov_exponents",
+    "pwsmooth.families": "Activity Histogram Recorder SlipHistogram",
     "pwsmooth.analysis.maps": "Stroboscopic variations",
     "pwsmooth.analysis.sticking": "fold",
 }

@@ -13,7 +13,7 @@ from ..door import calls, checks
 from ..door.describe import Described, Rows, listed, values
 from ..laws import Pieces
 from ..results.solution import Solution
-from ..solve import solve
+from ..solving import solve
 from ..system import System
 from . import drive
 from .sketch import Sketch

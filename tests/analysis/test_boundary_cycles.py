@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Return, System, equilibria, find_orbit, follow
+from pwsmooth import Return, System, find_orbit, follow
+from pwsmooth.analysis.equilibria import equilibria
 
 x, y, a, g = sp.symbols("x y a g", real=True)
 

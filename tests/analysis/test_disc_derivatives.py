@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Disc, Event, Strobe, Switch, System, find_orbit, follow, lyapunov_exponents, solve
+from pwsmooth import Disc, Event, Strobe, Switch, System, find_orbit, follow, solve
+from pwsmooth.analysis.lyapunov import lyapunov_exponents
 from pwsmooth.costs import at, event_time, final, value_and_gradient
 
 t, x, y, u, v, w, z = sp.symbols("t x y u v w z", real=True)

@@ -8,7 +8,9 @@ import pytest
 import sympy as sp
 from scipy.optimize import brentq
 
-from pwsmooth import Disc, Switch, System, equilibria, find_equilibrium, follow, manifold, solve
+from pwsmooth import Disc, Switch, System, find_equilibrium, follow, solve
+from pwsmooth.analysis.equilibria import equilibria
+from pwsmooth.analysis.global_objects import manifold
 
 x, y, u, v, w = sp.symbols("x y u v w", real=True)
 F, V, a = sp.symbols("F V a", real=True)

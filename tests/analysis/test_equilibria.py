@@ -20,12 +20,12 @@ from pwsmooth import (
     Switch,
     System,
     Unilateral,
-    equilibria,
     find_equilibrium,
     find_orbit,
     follow,
     solve,
 )
+from pwsmooth.analysis.equilibria import equilibria
 
 t, x, y, u, v, z = sp.symbols("t x y u v z", real=True)
 a, F = sp.symbols("a F", real=True)

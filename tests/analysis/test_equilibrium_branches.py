@@ -11,20 +11,10 @@ import sympy as sp
 from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
-from pwsmooth import (
-    Event,
-    Return,
-    Strobe,
-    Switch,
-    System,
-    Unilateral,
-    equilibria,
-    find_equilibrium,
-    find_orbit,
-    follow,
-)
+from pwsmooth import Event, Return, Strobe, Switch, System, Unilateral, find_equilibrium, find_orbit, follow
 from pwsmooth.analysis.continuation import Steps
 from pwsmooth.analysis.continuation.equilibria.hopf import cycle_from
+from pwsmooth.analysis.equilibria import equilibria
 
 x, y, v, z = sp.symbols("x y v z", real=True)
 a, F = sp.symbols("a F", real=True)

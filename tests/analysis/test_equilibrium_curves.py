@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Switch, System, Unilateral, equilibria, find_equilibrium, follow
+from pwsmooth import Switch, System, Unilateral, find_equilibrium, follow
 from pwsmooth.analysis.continuation import Steps
+from pwsmooth.analysis.equilibria import equilibria
 
 ON_CURVE = 1e-9  # as for orbits, in test_curves.py
 x, y, v = sp.symbols("x y v", real=True)

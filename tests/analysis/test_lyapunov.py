@@ -8,9 +8,10 @@ import pytest
 import sympy as sp
 from friction_oscillator import coulomb, hidden, v, y, z
 
-from pwsmooth import Event, Memory, Strobe, System, Unilateral, follow, orbit_diagram, solve
+from pwsmooth import Event, Memory, Strobe, System, Unilateral, follow, solve
 from pwsmooth.analysis.lyapunov import largest_exponent, lyapunov_exponents
 from pwsmooth.analysis.orbits.finding import find_orbit
+from pwsmooth.studies import orbit_diagram
 
 PERIOD = 2 * math.pi
 t, x, u, w = sp.symbols("t x u w", real=True)

@@ -18,8 +18,8 @@ from pwsmooth import (
     find_equilibrium,
     find_orbit,
     follow,
-    manifold,
 )
+from pwsmooth.analysis.global_objects import manifold
 from pwsmooth.analysis.global_objects.arms import SMALLEST
 
 t, x, y, v, z = sp.symbols("t x y v z", real=True)

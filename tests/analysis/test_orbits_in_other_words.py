@@ -3,7 +3,7 @@
 Each family is one model whose units of length L and of time W are parameters: x' = v/W, v' = L f(x/L, v/L, t/W)/W. So
 nothing of the exact motion depends on them but its size. Values are random, the seeds are fixed.
 
-Guards: analysis/orbits/, analysis/maps/scales.py, sweep/attractors.py, sweep/kinds.py.
+Guards: analysis/orbits/, analysis/maps/scales.py, studies/attractors.py, studies/kinds.py.
 """
 
 import functools

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Switch, System, Unilateral, sliding_portrait
+from pwsmooth import Switch, System, Unilateral
+from pwsmooth.analysis.global_objects import sliding_portrait
 from pwsmooth.analysis.global_objects.portrait import REGIONS
 
 t, x, y, z, v = sp.symbols("t x y z v", real=True)

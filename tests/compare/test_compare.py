@@ -1,6 +1,6 @@
 """Work against precision: references of two paths, baselines, and points that are judged rightly.
 
-Guards: compare/work_precision/.
+Guards: compare/efficiency/.
 """
 
 import math
@@ -12,17 +12,17 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Event, Memory, System, Unilateral
-from pwsmooth.compare.work_precision.case import case_of
-from pwsmooth.compare.work_precision.cases import CASES
-from pwsmooth.compare.work_precision.charts import best_width, envelope, plot_orders, plot_work
-from pwsmooth.compare.work_precision.measuring import work_precision
-from pwsmooth.compare.work_precision.methods import METHODS, CannotDo, Method, Run
-from pwsmooth.compare.work_precision.own import inside_layers
-from pwsmooth.compare.work_precision.plain import elimination, plain
-from pwsmooth.compare.work_precision.points import Point, WorkPrecision
-from pwsmooth.compare.work_precision.restarting import restarted
-from pwsmooth.compare.work_precision.rivals import statuses
-from pwsmooth.compare.work_precision.timestepping import bouncing, stepper
+from pwsmooth.compare.efficiency.case import case_of
+from pwsmooth.compare.efficiency.cases import CASES
+from pwsmooth.compare.efficiency.charts import best_width, envelope, plot_orders, plot_work
+from pwsmooth.compare.efficiency.measuring import work_precision
+from pwsmooth.compare.efficiency.methods import METHODS, CannotDo, Method, Run
+from pwsmooth.compare.efficiency.own import inside_layers
+from pwsmooth.compare.efficiency.plain import elimination, plain
+from pwsmooth.compare.efficiency.points import Point, WorkPrecision
+from pwsmooth.compare.efficiency.restarting import restarted
+from pwsmooth.compare.efficiency.rivals import statuses
+from pwsmooth.compare.efficiency.timestepping import bouncing, stepper
 from pwsmooth.scenes import Scene
 
 x, v, t = sp.symbols("x v t", real=True)

@@ -25,7 +25,7 @@ from pwsmooth.costs import (
 from pwsmooth.costs import objective as objectives
 from pwsmooth.paths.derivatives.of_solution import NoDerivative
 from pwsmooth.paths.event_driven import EventDriven
-from pwsmooth.sweep import Cost
+from pwsmooth.studies import Cost
 
 t, x, y, v, w, z = sp.symbols("t x y v w z", real=True)
 e, g, rho, beta, sigma, omega = sp.symbols("e g rho beta sigma omega", positive=True)

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 
 from pwsmooth import Drive, Event, Family, Memory, Solution, System, solve, sweep
-from pwsmooth.analysis.maps.variations import variations
+from pwsmooth.analysis.maps.first_order import variations
 from pwsmooth.codegen.machine import cache
 
 y, v, u, t = sp.symbols("y v u t", real=True)

@@ -9,7 +9,7 @@ import sympy as sp
 from sympy.physics import mechanics as me
 
 from pwsmooth import Algebraic, Event, Family, Switch, System, Unilateral, solve
-from pwsmooth.analysis.maps.variations import variations
+from pwsmooth.analysis.maps.first_order import variations
 
 TIGHT = {"rtol": 1e-10, "atol": 1e-12}
 t, q1, q2, u1, u2, w, f = sp.symbols("t q1 q2 u1 u2 w f", real=True)

@@ -8,7 +8,7 @@ from pwsmooth import Event, Strobe, System, diagram
 from pwsmooth.cli import app
 from pwsmooth.diagrams import read_diagram
 from pwsmooth.diagrams.study import DiagramStudy, run_study
-from pwsmooth.sweep.study import StudyError, read_study
+from pwsmooth.studies.study import StudyError, read_study
 
 MODEL = """
 import sympy as sp

@@ -20,7 +20,7 @@ from friction_oscillator import hidden, omega, sigma, v, y, z
 from pwsmooth import Event, Return, Strobe, System, diagram, find_equilibrium, find_orbit
 from pwsmooth.analysis.continuation import Steps
 from pwsmooth.diagrams import read_diagram
-from pwsmooth.sweep import Work
+from pwsmooth.studies import Work
 
 t, x, u = sp.symbols("t x u", real=True)
 a, b = sp.symbols("a b", real=True)

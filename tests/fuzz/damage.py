@@ -5,7 +5,7 @@
 A case is its number: it draws up to three files and what becomes of each. A store must then give the bits of the
 undamaged one, or an error that names the store and a remedy; a cache must give the bits of an undamaged one, without a
 signal. A failure prints the case; `--stores 1 --first 17` runs one again.
-tests/sweep/test_damage.py runs a few of them.
+tests/studies/test_damage.py runs a few of them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import sympy as sp
 
 from pwsmooth import Strobe, Switch, System, sweep
 from pwsmooth.codegen.machine import cache
-from pwsmooth.sweep import Work, read_store
+from pwsmooth.studies import Work, read_store
 
 PAGE = 4096
 

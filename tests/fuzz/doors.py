@@ -35,16 +35,16 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "docs"))
 import public_names
 
 import pwsmooth
-from pwsmooth import Diffusion, Event, Family, Kicks, Switch, System, costs, scenes, solve
+from pwsmooth import Diffusion, Event, Family, Kicks, Switch, System, costs, scenes, solve, studies
 from pwsmooth.analysis.continuation import Steps
 from pwsmooth.analysis.maps import sections
 from pwsmooth.analysis.sticking import regions as sticking
-from pwsmooth.explore import opening
-from pwsmooth.fit import Record, fit
+from pwsmooth.explorer import opening
+from pwsmooth.fitting import Record, fit
 from pwsmooth.laws import Joint, contact, friction
 from pwsmooth.paths.derivatives.of_solution import NoDerivative
 from pwsmooth.scenes import sketch
-from pwsmooth.sweep import Work, make_plan, study
+from pwsmooth.studies import Work, make_plan, study
 
 SECONDS = 5.0  # of processor time in a call
 t, x, v, k, z = sp.symbols("t x v k z", real=True)
@@ -62,12 +62,13 @@ INSIDE = {
     "pwsmooth.diagrams.BifurcationSet", "pwsmooth.diagrams.Diagram", "pwsmooth.diagrams.Found",
     "pwsmooth.diagrams.Meeting",
     "pwsmooth.Solution", "pwsmooth.analysis.continuation.bifurcations_between", "pwsmooth.results.records.EventLog",
-    "pwsmooth.fit.Combination", "pwsmooth.fit.Comparison", "pwsmooth.fit.Fit", "pwsmooth.fit.Identifiability",
-    "pwsmooth.fit.Iteration", "pwsmooth.fit.Profile", "pwsmooth.costs.Evaluation", "pwsmooth.costs.Gradient",
+    "pwsmooth.fitting.Combination", "pwsmooth.fitting.Comparison", "pwsmooth.fitting.Fit",
+    "pwsmooth.fitting.Identifiability",
+    "pwsmooth.fitting.Iteration", "pwsmooth.fitting.Profile", "pwsmooth.costs.Evaluation", "pwsmooth.costs.Gradient",
     "pwsmooth.costs.Minimum", "pwsmooth.costs.Quantity",
     "pwsmooth.paths.derivatives.Derivatives", "pwsmooth.paths.derivatives.EventDerivative",
     "pwsmooth.paths.derivatives.NoDerivative",
-    "pwsmooth.laws.law", "pwsmooth.sweep.Amplitude", "pwsmooth.sweep.Extremes", "pwsmooth.sweep.Statistics",
+    "pwsmooth.laws.law", "pwsmooth.studies.Amplitude", "pwsmooth.studies.Extremes", "pwsmooth.studies.Statistics",
 }  # fmt: skip
 
 
@@ -208,7 +209,6 @@ def subjects():
         "System": dict(
             rates={x: v, v: -k * x}, time=t, parameters={k: 1}, outputs={"a": x}, events=[Event(x - 9)]
         ),
-        "HiddenTerm": None,
         "explore": dict(
             system_or_scene=system,
             x0=start,
@@ -259,13 +259,13 @@ def subjects():
             system=through, switch="lam", box={x: (-1.0, 1.0), v: (-1.0, 1.0)}, at={}, points=5
         ),
         "make_plan": dict(system=system, axes={"k": [1.0, 2.0]}, units={"k": "N/m"}, **many),
-        "sweep.refine": dict(
+        "studies.refine": dict(
             plan=make_plan(system, {"k": [1.0, 2.0]}, **many),
             order=[1, 0],
             max_seconds=1.0,
             settle=1e-6,
         ),
-        "sweep.SweepPlan": None,  # of make_plan
+        "studies.SweepPlan": None,  # of make_plan
         "Sketch": dict(shapes=[sketch.Ball("b", x, 0, 1)], bounds=(-1, 1, -1, 1), note="n"),
         "chain_of_blocks": dict(positions=["x", "v"], spacing=1.0, switches=["l", "m"]),
         "Arrow": dict(name="a", x=x, y=0, dx=v, dy=1),
@@ -288,8 +288,8 @@ def subjects():
             max_seconds=1.0,
             **short,
         ),
-        "sweep.Cost": dict(name="J", cost=costs.final(x), unit="m"),
-        "sweep.read_store": dict(path=stored),
+        "studies.Cost": dict(name="J", cost=costs.final(x), unit="m"),
+        "studies.read_store": dict(path=stored),
         "cycle_from": dict(hopf=hopf, amplitude=0.05, **short),
         "lyapunov_exponents": dict(system=system, x0=start, time=5.0, rtol=1e-9, **short),
         "basins": dict(
@@ -441,7 +441,7 @@ def subjects():
     for name in ("Amplitude", "Extremes", "Statistics"):
         given[name] = None  # *names
     for name in INSIDE:
-        if name.startswith(("pwsmooth.fit", "pwsmooth.costs", "pwsmooth.paths.derivatives.of_solution")):
+        if name.startswith(("pwsmooth.fitting", "pwsmooth.costs", "pwsmooth.paths.derivatives.of_solution")):
             given[name.rsplit(".", 1)[1]] = None
     for scene_name in (
         "block_on_belt",
@@ -530,7 +530,7 @@ def subjects():
             ),
         ),
         "ensemble kicks": (
-            pwsmooth.ensemble,
+            studies.ensemble,
             dict(system=free, t_span=(0, 1), x0=start, noise=kicks, count=2, **short),
         ),
         "follow equilibrium": (
@@ -567,7 +567,7 @@ def subjects():
             ),
         ),
         "orbit_diagram carried": (
-            pwsmooth.orbit_diagram,
+            studies.orbit_diagram,
             dict(
                 system=system,
                 parameter=k,

@@ -29,22 +29,20 @@ from pwsmooth import (
     basins,
     costs,
     diagram,
-    ensemble,
     find_orbit,
-    lyapunov_exponents,
-    orbit_diagram,
     scenes,
     solve,
     sweep,
 )
+from pwsmooth.analysis.lyapunov import lyapunov_exponents
 from pwsmooth.analysis.maps.sections import Section, Stroboscopic
 from pwsmooth.door import checks
-from pwsmooth.fit import fit_law
+from pwsmooth.fitting import fit_law
 from pwsmooth.laws.catalogue import known_laws
 from pwsmooth.laws.contact import Hertz
 from pwsmooth.laws.friction import Coulomb, Dahl
 from pwsmooth.scenes import Scene, block_on_belt, force_driven, prescribed_motion
-from pwsmooth.sweep import Period, Points, Work, make_plan
+from pwsmooth.studies import Period, Points, Work, ensemble, make_plan, orbit_diagram
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "docs"))
 

@@ -23,7 +23,9 @@ from pwsmooth import (
     System,
     Unilateral,
     scenes,
+    studies,
 )
+from pwsmooth.analysis.lyapunov import lyapunov_exponents
 from pwsmooth.analysis.maps.sections import Section, Stroboscopic
 from pwsmooth.analysis.maps.symmetry import symmetry_matrix
 from pwsmooth.analysis.sticking import regions as sticking
@@ -76,11 +78,11 @@ DOORS = {
     "units": lambda s: sweep(units={"x": s}),
     "noise of sweep": lambda s: sweep(noise=s),
     "period of basins": lambda s: pwsmooth.basins(SYSTEM, {"x": [1.0]}, pwsmooth.Strobe(s), x0={"v": 0}),
-    "period of orbit_diagram": lambda s: pwsmooth.orbit_diagram(SYSTEM, "k", [1.0], START, pwsmooth.Strobe(s)),
-    "period of a carried diagram": lambda s: pwsmooth.orbit_diagram(
+    "period of orbit_diagram": lambda s: studies.orbit_diagram(SYSTEM, "k", [1.0], START, pwsmooth.Strobe(s)),
+    "period of a carried diagram": lambda s: studies.orbit_diagram(
         SYSTEM, "k", [1.0], START, pwsmooth.Strobe(s), carry=True
     ),
-    "parameter of orbit_diagram": lambda s: pwsmooth.orbit_diagram(SYSTEM, s, [1.0], START, pwsmooth.Strobe(1)),
+    "parameter of orbit_diagram": lambda s: studies.orbit_diagram(SYSTEM, s, [1.0], START, pwsmooth.Strobe(1)),
     "period of find_orbit": lambda s: orbit(period=s),
     "section": lambda s: pwsmooth.find_orbit(FREE, START, seen=pwsmooth.Return(s)),
     "symmetry": lambda s: orbit(symmetry={x: s, v: -v}),
@@ -94,7 +96,7 @@ DOORS = {
     "name of a parameter": lambda s: pwsmooth.solve(SYSTEM, (0, 1), START, parameters={s: 1}),
     "tolerances": lambda s: pwsmooth.solve(SYSTEM, (0, 1), START, rtol=s),
     "method": lambda s: pwsmooth.solve(SYSTEM, (0, 1), START, method=s),
-    "time of exponents": lambda s: pwsmooth.lyapunov_exponents(SYSTEM, START, s),
+    "time of exponents": lambda s: lyapunov_exponents(SYSTEM, START, s),
     "rates": lambda s: System({x: s}),
     "a state's name": lambda s: pwsmooth.solve(System({s: -1}), (0, 1), [1])[s],
     "outputs": lambda s: System({x: -x}, outputs={"a": s}),

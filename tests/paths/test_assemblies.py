@@ -18,9 +18,10 @@ import zarr
 from chain_models import train
 from family_models import template_from
 
-from pwsmooth import Event, Family, Outcome, Recorder, Switch, System, solve, sweep
+from pwsmooth import Event, Family, Outcome, Switch, System, solve, sweep
+from pwsmooth.families import Recorder
 from pwsmooth.paths import local
-from pwsmooth.sweep import Function, Work
+from pwsmooth.studies import Function, Work
 
 TIGHT = dict(rtol=1e-12, atol=1e-14)
 
@@ -137,9 +138,10 @@ RUN = """
 import hashlib, sys
 from pathlib import Path
 import numpy as np
-from pwsmooth import Recorder, solve
+from pwsmooth import solve
+from pwsmooth.families import Recorder
 from pwsmooth.paths import local
-from pwsmooth.sweep import Function
+from pwsmooth.studies import Function
 from chain_models import train
 local.SLICE = 200  # elements renewed between two looks
 print("begins" if not Path(sys.argv[1] + ".run").exists() else "goes on")

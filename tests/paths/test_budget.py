@@ -12,24 +12,12 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import (
-    Diffusion,
-    Event,
-    Outcome,
-    Return,
-    Strobe,
-    System,
-    ensemble,
-    find_orbit,
-    lyapunov_exponents,
-    orbit_diagram,
-    solve,
-    sweep,
-)
+from pwsmooth import Diffusion, Event, Outcome, Return, Strobe, System, find_orbit, solve, sweep
+from pwsmooth.analysis.lyapunov import lyapunov_exponents
 from pwsmooth.analysis.maps.sections import Section, Stroboscopic
 from pwsmooth.codegen.machine import clock, native
 from pwsmooth.paths import budget  # fmt: skip
-from pwsmooth.sweep import Work
+from pwsmooth.studies import Work, ensemble, orbit_diagram
 
 t, x, v, k = sp.symbols("t x v k", real=True)
 PERIOD = 2 * sp.pi
@@ -214,7 +202,7 @@ INTERRUPTED = """
 import signal
 import sympy as sp
 from pwsmooth import System, sweep
-from pwsmooth.sweep import Function, Work
+from pwsmooth.studies import Function, Work
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job begins deaf to it
 t, x, v, k = sp.symbols("t x v k", real=True)
 system = System({x: v, v: sp.cos(t) - k*x - v/5 - sp.sign(v)/4}, time=t, parameters={k: 1})

@@ -1,6 +1,6 @@
 """A call of solve() is checked once, and the first path that serves it runs; behind the door nothing is checked again.
 
-Guards: paths/call.py, solve.py.
+Guards: paths/call.py, solving.py.
 """
 
 import ast
@@ -15,13 +15,14 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Diffusion, Kicks, Recorder, Strobe, System, find_orbit, follow, solve
+from pwsmooth import Diffusion, Kicks, Strobe, System, find_orbit, follow, solve
 from pwsmooth.analysis.continuation import Steps
 from pwsmooth.costs import event_time, final, value_and_gradient
 from pwsmooth.costs import objective as objectives
+from pwsmooth.families import Recorder
 from pwsmooth.noise import diffusion_path
 from pwsmooth.paths import backward, event_driven, functions, local, smoothed, stiff_events, stiffness
-from pwsmooth.solve import PATHS, behind_the_door, call_with, path_for
+from pwsmooth.solving import PATHS, behind_the_door, call_with, path_for
 
 t, x, v = sp.symbols("t x v", real=True)
 F = sp.Symbol("F", positive=True)
@@ -124,7 +125,7 @@ def test_behind_the_door_nothing_is_checked_again():
 def test_a_branch_followed_again_goes_through_no_door_of_solve():
     orbit = find_orbit(block(), START, seen=Strobe(sp.pi))
     follow(orbit, {F: 0.5}, steps=Steps(first=0.1))
-    assert entered(lambda: follow(orbit, {F: 0.5}, steps=Steps(first=0.1)), "pwsmooth/solve.py") == []
+    assert entered(lambda: follow(orbit, {F: 0.5}, steps=Steps(first=0.1)), "pwsmooth/solving.py") == []
 
 
 def test_a_start_that_needs_a_look_gets_one_behind_the_door_too():

@@ -15,7 +15,7 @@ import sympy as sp
 
 from pwsmooth import Event, Strobe, System, diagram
 from pwsmooth.paths.interrupts import noted, processes, result
-from pwsmooth.sweep import Work
+from pwsmooth.studies import Work
 
 
 @pytest.fixture(autouse=True)

@@ -13,7 +13,7 @@ import sympy as sp
 from pwsmooth import Event, Memory, Strobe, Switch, System, solve, sweep
 from pwsmooth.definition.model import Model
 from pwsmooth.paths.event_driven import EventDriven, Options
-from pwsmooth.sweep import Work
+from pwsmooth.studies import Work
 
 t, x, v, z = sp.symbols("t x v z", real=True)
 k, beta = sp.symbols("k beta", positive=True)

@@ -15,10 +15,8 @@ from pwsmooth import (
     Diffusion,
     Event,
     Family,
-    Histogram,
     Kicks,
     Memory,
-    Recorder,
     Solution,
     Switch,
     System,
@@ -26,6 +24,7 @@ from pwsmooth import (
     solve,
 )
 from pwsmooth.definition import tree
+from pwsmooth.families import Histogram, Recorder
 from pwsmooth.laws.friction import MaxwellSlip
 from pwsmooth.results.saving import unpack
 from pwsmooth.scenes import friction_oscillator

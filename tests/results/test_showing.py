@@ -7,25 +7,14 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import (
-    Event,
-    Family,
-    Strobe,
-    Switch,
-    System,
-    basins,
-    find_orbit,
-    follow,
-    lyapunov_exponents,
-    orbit_diagram,
-    plotting,
-    solve,
-)
+from pwsmooth import Event, Family, Strobe, Switch, System, basins, find_orbit, follow, plotting, solve
+from pwsmooth.analysis.lyapunov import lyapunov_exponents
 from pwsmooth.door.describe import LONGEST
 from pwsmooth.laws.contact import Hertz
 from pwsmooth.results.records import EventRecord, Listed
 from pwsmooth.scenes import free_impact
-from pwsmooth.sweep.basins import FAILED, UNSETTLED
+from pwsmooth.studies import orbit_diagram
+from pwsmooth.studies.attraction import FAILED, UNSETTLED
 
 matplotlib.use("Agg")
 

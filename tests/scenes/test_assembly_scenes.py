@@ -8,7 +8,7 @@ import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
 
-from pwsmooth import Recorder
+from pwsmooth.families import Recorder
 from pwsmooth.laws.friction import Coulomb, MaxwellSlip, StaticKinetic, VelocityWeakening
 from pwsmooth.scenes import (
     block_lattice,

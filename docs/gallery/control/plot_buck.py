@@ -21,7 +21,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 
-from pwsmooth import Strobe, System, find_orbit, follow, orbit_diagram
+from pwsmooth import Strobe, System, find_orbit, follow
+from pwsmooth.studies import orbit_diagram
 
 T = 0.4  # ms
 t, v, i = sp.symbols("t v i", real=True)

@@ -21,7 +21,7 @@ import sympy as sp
 from scipy.optimize import brentq
 
 from pwsmooth import Strobe, System, find_orbit, follow, sweep
-from pwsmooth.sweep import Work
+from pwsmooth.studies import Work
 
 t, i, w = sp.symbols("t i omega", real=True)
 d = sp.Symbol("d", positive=True)

@@ -23,7 +23,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 
-from pwsmooth import Strobe, System, Unilateral, find_orbit, follow, orbit_diagram
+from pwsmooth import Strobe, System, Unilateral, find_orbit, follow
+from pwsmooth.studies import orbit_diagram
 
 t, s, v = sp.symbols("t s v", real=True)
 Gamma, e = sp.symbols("Gamma e", positive=True)

@@ -20,7 +20,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 
-from pwsmooth import Return, System, find_orbit, follow, orbit_diagram
+from pwsmooth import Return, System, find_orbit, follow
+from pwsmooth.studies import orbit_diagram
 
 x1, v1, x2, v2 = sp.symbols("x1 v1 x2 v2", real=True)
 V = sp.Symbol("V", positive=True)

@@ -8,10 +8,10 @@ _HOME = {
     "Section": "sections",
     "Strobe": "seen",
     "Stroboscopic": "sections",
-    "Variations": "variations",
+    "Variations": "first_order",
     "Word": "sections",
     "symmetry_matrix": "symmetry",
-    "variations": "variations",
+    "variations": "first_order",
     "word_of": "sections",
 }
 

@@ -4,7 +4,7 @@
     N(x) = G**-1 phi(t0 + T/2; t0, x)     a half one, for a system with the symmetry (x, t) -> (G x, t + T/2); N N = P
     P(x) = first return to h = 0          autonomous systems, D P = (1 - f grad h/(grad h f)) Phi
 
-Chain: poincare.py, variations.py -> **sections** -> periodic_orbit.py, orbits.py, continuation.py, sweep/basins.py.
+Chain: poincare.py, first_order.py -> **sections** -> orbits, continuation, studies/attraction.py.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from ...door import checks
 from ...paths.derivatives.linearised import linearise
 from ...results.records import Outcome
 from ...results.solution import Solution
+from .first_order import chosen_parameters, moved
 from .poincare import RETURN, Image, Leg, Word, _Map, lost, why_stopped, word_of
 from .scales import extents
 from .seen import LONGEST, Return, Strobe, how_seen
 from .symmetry import symmetry_matrix
-from .variations import chosen_parameters, moved
 
 __all__ = ["Image", "Section", "Stroboscopic", "Word", "word_of"]
 

@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 from ...results.solution import Solution
+from .first_order import sticks_at_start
 from .poincare import Cuts, Image, Leg
-from .variations import sticks_at_start
 
 TOO_LONG = 1e4  # multiplier beyond which an orbit is not shot over in one piece
 _MOST = 1e3  # growth of a segment, with which it is cut anew

@@ -96,7 +96,7 @@ def find_orbit(
 
     Notes
     -----
-    Newton's method with the exact derivative of the map (variations.py).
+    Newton's method with the exact derivative of the map (first_order.py).
 
     Source: U. Ascher, R. Mattheij, R. Russell, Numerical Solution of Boundary Value Problems for ODEs (1995), ch. 4,
     for segments.

@@ -20,7 +20,7 @@ import numpy as np
 from ...door import calls, checks
 from ...door.describe import Described, Rows, listed, number, some, values
 from ...results.solution import Solution
-from ...solve import solve
+from ...solving import solve
 from ..maps.multipliers import cyclic_multipliers, within_roundings
 from ..maps.sections import Section, Stroboscopic, Word
 from ..maps.segments import Segments, Shooting

@@ -11,10 +11,10 @@ import functools
 
 import numpy as np
 
-from ...solve import solve
-from ..work_precision.case import Case
-from ..work_precision.cases import CASES
-from ..work_precision.plain import plain
+from ...solving import solve
+from ..efficiency.case import Case
+from ..efficiency.cases import CASES
+from ..efficiency.plain import plain
 from .failures import Finding, attempt
 from .hazard import Axis, Hazard, decades
 from .unguarded import SCIPY, cvode, scipy_end

@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Event, Family, Kicks, Memory, Outcome, Strobe, System, Unilateral, solve, sweep
-from pwsmooth.compare.work_precision.cases import CASES
+from pwsmooth.compare.efficiency.cases import CASES
 from pwsmooth.laws.friction import GMS, Elastoplastic, ElastoplasticFixed, ModifiedCoulomb
 from pwsmooth.scenes import block_on_belt
 
