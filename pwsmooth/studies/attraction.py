@@ -36,7 +36,7 @@ from .refining import SweepPlan, in_chunks, make_plan, ordered
 from .sweeping import sweep
 from .work import Work
 
-__all__ = ["FAILED", "UNSETTLED", "Basins", "OrbitDiagram", "basins", "orbit_diagram", "refine_basins"]
+__all__ = ["Basins", "OrbitDiagram", "basins", "orbit_diagram", "refine_basins"]
 
 _TURNS = 6  # periods or returns between two looks at where a trajectory is
 _SCOUTS = 8  # starts that look for the first attractors, and for the units of the states

@@ -31,7 +31,6 @@ __all__ = [
     "Points",
     "Statistics",
     "Sticks",
-    "measure_from_text",
 ]
 
 

@@ -15,8 +15,9 @@ from pwsmooth import Event, Memory, System, Unilateral
 from pwsmooth.compare.efficiency.case import case_of
 from pwsmooth.compare.efficiency.cases import CASES
 from pwsmooth.compare.efficiency.charts import best_width, envelope, plot_orders, plot_work
+from pwsmooth.compare.efficiency.contract import CannotDo, Run
 from pwsmooth.compare.efficiency.measuring import work_precision
-from pwsmooth.compare.efficiency.methods import METHODS, CannotDo, Method, Run
+from pwsmooth.compare.efficiency.methods import METHODS, Method
 from pwsmooth.compare.efficiency.own import inside_layers
 from pwsmooth.compare.efficiency.plain import elimination, plain
 from pwsmooth.compare.efficiency.points import Point, WorkPrecision

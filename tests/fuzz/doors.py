@@ -61,7 +61,7 @@ NO_DOORS = (
 INSIDE = {
     "pwsmooth.diagrams.BifurcationSet", "pwsmooth.diagrams.Diagram", "pwsmooth.diagrams.Found",
     "pwsmooth.diagrams.Meeting",
-    "pwsmooth.Solution", "pwsmooth.analysis.continuation.bifurcations_between", "pwsmooth.results.records.EventLog",
+    "pwsmooth.Solution", "pwsmooth.results.records.EventLog",
     "pwsmooth.fitting.Combination", "pwsmooth.fitting.Comparison", "pwsmooth.fitting.Fit",
     "pwsmooth.fitting.Identifiability",
     "pwsmooth.fitting.Iteration", "pwsmooth.fitting.Profile", "pwsmooth.costs.Evaluation", "pwsmooth.costs.Gradient",
@@ -336,7 +336,6 @@ def subjects():
         "Steps": dict(first=0.01, longest=0.1, shortest=1e-6, max_points=5),
         "Work": dict(workers=2, chunk=3, store=stored, progress=False),
         "read_diagram": dict(path=saved),
-        "bifurcations_between": None,  # between points of a walk, which is made inside
         "capture_threshold": dict(rho=3.0, ratio=1.0),
         "critical_ratio": dict(rho=3.0),
         "follow over two": (
@@ -355,7 +354,6 @@ def subjects():
         "fold": dict(gamma=1 - z**2, lam=z, rho=3),
         "linear_sticking": dict(drive=0, stiffness=1, load=1),
         "nonlinear_sticking": dict(drive=0, stiffness=1, load=1, gamma=1 - z**2, lam=z, rho=3),
-        "symmetry_matrix": dict(system=system, symmetry={x: -x, v: -v}, period=2 * math.pi),
         "variations": dict(solution=run, parameters=["k"]),
         "fit": dict(system=system, records=record, by=["k"], max_runs=2),
         "fit_law": dict(

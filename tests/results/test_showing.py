@@ -14,7 +14,7 @@ from pwsmooth.laws.contact import Hertz
 from pwsmooth.results.records import EventRecord, Listed
 from pwsmooth.scenes import free_impact
 from pwsmooth.studies import orbit_diagram
-from pwsmooth.studies.attraction import FAILED, UNSETTLED
+from pwsmooth.studies.attractors import FAILED, UNSETTLED
 
 matplotlib.use("Agg")
 

@@ -11,7 +11,8 @@ import sympy as sp
 from friction_oscillator import hidden, z
 
 from pwsmooth import Event, Return, Strobe, System
-from pwsmooth.studies.attraction import UNSETTLED, basins, orbit_diagram
+from pwsmooth.studies.attraction import basins, orbit_diagram
+from pwsmooth.studies.attractors import UNSETTLED
 
 t, x = sp.symbols("t x", real=True)
 c = sp.Symbol("c", real=True)

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from pwsmooth import Event, Outcome, Return, Strobe, System, basins, find_orbit, sweep
 from pwsmooth.analysis.maps.poincare import RETURN
 from pwsmooth.studies import Function, orbit_diagram
-from pwsmooth.studies.attraction import UNSETTLED
+from pwsmooth.studies.attractors import UNSETTLED
 from pwsmooth.studies.chunk import run_chunk, solve_point
 from pwsmooth.studies.plan import NO_RETURN, read_plan
 

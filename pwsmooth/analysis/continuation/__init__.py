@@ -10,7 +10,6 @@ _HOME = {
     "EquilibriumBifurcation": "equilibria.branch",
     "EquilibriumBranch": "equilibria.branch",
     "EquilibriumCurve": "equilibria.curves",
-    "bifurcations_between": "bifurcations",
     "branch_off": "branches",
     "cycle_from": "equilibria.hopf",
     "Steps": "steps",

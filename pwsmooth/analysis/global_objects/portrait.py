@@ -17,7 +17,7 @@ from ...door.documenting import complete
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["REGIONS", "FoldLine", "SlidingPortrait", "TwoFold"]
+__all__ = ["FoldLine", "SlidingPortrait", "TwoFold"]
 
 #: Kinds of regions, by their number; -1 where there are no values.
 REGIONS = (

@@ -9,8 +9,6 @@ _HOME = {
     "Strobe": "seen",
     "Stroboscopic": "sections",
     "Variations": "first_order",
-    "Word": "sections",
-    "symmetry_matrix": "symmetry",
     "variations": "first_order",
     "word_of": "sections",
 }

@@ -26,12 +26,12 @@ from ...paths.derivatives.linearised import linearise
 from ...results.records import Outcome
 from ...results.solution import Solution
 from .first_order import chosen_parameters, moved
-from .poincare import RETURN, Image, Leg, Word, _Map, lost, why_stopped, word_of
+from .poincare import RETURN, Image, Leg, _Map, lost, why_stopped, word_of
 from .scales import extents
 from .seen import LONGEST, Return, Strobe, how_seen
 from .symmetry import symmetry_matrix
 
-__all__ = ["Image", "Section", "Stroboscopic", "Word", "word_of"]
+__all__ = ["Image", "Section", "Stroboscopic", "word_of"]
 
 _ROUNDING = 1e-12  # of a state: a start so near to its section has not left it
 _SLOW = 1e-12  # of the mean speed across the section on the way: slower, it is not crossed

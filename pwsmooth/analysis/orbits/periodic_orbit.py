@@ -22,7 +22,8 @@ from ...door.describe import Described, Rows, listed, number, some, values
 from ...results.solution import Solution
 from ...solving import solve
 from ..maps.multipliers import cyclic_multipliers, within_roundings
-from ..maps.sections import Section, Stroboscopic, Word
+from ..maps.poincare import Word
+from ..maps.sections import Section, Stroboscopic
 from ..maps.segments import Segments, Shooting
 
 __all__ = ["PeriodicOrbit"]

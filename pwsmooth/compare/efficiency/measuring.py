@@ -16,7 +16,8 @@ from ...door import checks
 from ...scenes.scene import Scene
 from .case import Case, Reference, case_of
 from .cases import CASES
-from .methods import METHODS, CannotDo, Method, Run
+from .contract import CannotDo, Run
+from .methods import METHODS, Method
 from .points import Point, WorkPrecision
 
 __all__ = ["work_precision"]

@@ -8,11 +8,11 @@ from __future__ import annotations
 from functools import partial
 
 from . import rivals
-from .contract import CannotDo, Method, Run
+from .contract import Method
 from .own import event_driven, smoothed
 from .rivals import event_ignoring, restarting, time_stepping
 
-__all__ = ["METHODS", "CannotDo", "Method", "Run"]
+__all__ = ["METHODS", "Method"]
 
 RTOLS = tuple(10.0**-k for k in range(6, 14))
 LOOSE = tuple(10.0**-k for k in range(3, 13))
