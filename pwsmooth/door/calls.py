@@ -1,6 +1,6 @@
 """Calls that do not fit the signature of what is called, in words: the wrong name, and the one that was meant.
 
-    sweep(system, x0=...)  ->  "sweep() has no argument `x0`; did you mean `start`?"
+    sweep(system, start=...)  ->  "sweep() has no argument `start`; did you mean `x0`?"
 
 Chain: Python's own TypeError -> **misfit** -> checks.door, which every public call passes.
 """

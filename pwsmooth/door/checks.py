@@ -503,7 +503,7 @@ def system(value, what, functions=False):
     """`value`, which has to be a System or a view of one; of functions only where `functions` says so."""
     if hasattr(value, "system") and hasattr(value, "x0") and not hasattr(value, "model"):
         raise TypeError(
-            f"{what} is a scene, {shown(value.name)}; give its `system`, with its `start`, or call its `solve()`."
+            f"{what} is a scene, {shown(value.name)}; give its `system`, with its `x0`, or call its `solve()`."
         )
     if isinstance(value, type) or not (hasattr(value, "model") and hasattr(value, "initial_state")):
         raise TypeError(

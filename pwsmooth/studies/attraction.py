@@ -157,14 +157,14 @@ def basins(
     Raises
     ------
     ValueError, TypeError
-        Bad input: axes without a state, a `store` for several values of a parameter, and what `sweep` refuses.
+        Bad input: axes without a state, a store for several values of a parameter, and what `sweep` refuses.
 
     Notes
     -----
     A sweep of the Poincare map, whose ends are refined by Newton's method. Starts that have not settled are led on,
     while more of them do, for up to 11 times as long and 800 periods or returns. Newton's method begins at the fixed
     point of the affine map that their points obey; a start belongs to an orbit that attracts and draws it in: whose
-    quadratic Lyapunov function falls step by step through 200 of them. These further runs are in no `store`.
+    quadratic Lyapunov function falls step by step through 200 of them. These further runs are in no store.
 
     >>> t, x = sp.symbols("t x", real=True)
     >>> clock = Event(sp.sin(2 * sp.pi * t - 1), direction=1, update={x: x + (x - x**3) / 2})

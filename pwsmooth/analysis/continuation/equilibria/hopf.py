@@ -116,7 +116,7 @@ def cycle_from(
     begun = np.append(np.tile(e.x, number) / walk.sizes, hopf.parameter)
     guess = begun + np.append(amplitude * ahead.ravel() / walk.sizes, 0.0)
     point = walk.correct(guess, normal, normal)
-    lost = "give another `amplitude`, a smaller one as a rule, or a `section` that the cycle crosses."
+    lost = "give another `amplitude`, a smaller one as a rule, or a section in `seen` that the cycle crosses."
     if point is None:
         return none_found(map_, e.x, f"no orbit was found at this distance from the Hopf point: {lost}")
     orbit = in_units(point.orbit, np.append(e.unit, np.ones(len(e.x) - own)))
