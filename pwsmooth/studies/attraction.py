@@ -463,8 +463,8 @@ class OrbitDiagram(Described):
         In the units of the states; nan where a run failed.
     reasons : tuple of str
         For each value why its run ended before its time, in words; empty where it did not.
-    strobed_by : str
-        What lies between two points: a "period" of the drive, or a "return" to the section.
+    seen : Strobe or Return, optional
+        How the points were seen.
     system : System or None
         Of which; `exponents` needs it.
 
@@ -479,7 +479,7 @@ class OrbitDiagram(Described):
     states: tuple[str, ...]
     points: np.ndarray
     reasons: tuple[str, ...]
-    strobed_by: str = "period"
+    seen: Strobe | Return | None = None
     system: Any = None
 
     @checks.door(calls.RUNS, time=checks.positive, transient=checks.nonnegative)
@@ -509,7 +509,7 @@ class OrbitDiagram(Described):
 
         Notes
         -----
-        Of a driven system the runs begin at the phase of the points, t = 0. Along an autonomous flow one is 0.
+        Of a driven system the runs begin at the phase of the points. Along an autonomous flow one is 0.
 
         Source: Mueller, Chaos, Solitons & Fractals, 1995 (`lyapunov_exponents`).
         """
@@ -519,8 +519,9 @@ class OrbitDiagram(Described):
         for row, value, x in zip(found, self.values.tolist(), self.points[:, -1]):
             if np.isfinite(x).all():
                 system = self.system.with_parameters({self.parameter: value})
+                begin = poincare_map(system, self.seen, {}).start_time if isinstance(self.seen, Strobe) else 0.0
                 row[:] = lyapunov_exponents(
-                    system, x.tolist(), time, transient=transient, count=count, **options
+                    system, x.tolist(), time, transient=transient, start_time=begin, count=count, **options
                 ).exponents
         return found
 
@@ -582,7 +583,10 @@ class OrbitDiagram(Described):
             ax.plot(failed, 0 * failed, color=COLOUR[colour], label=word, **on_axis)
         if self.failures:
             ax.legend()
-        ax.set(xlabel=self.parameter, ylabel=f"{name}, once a {self.strobed_by}")
+        ax.set(
+            xlabel=self.parameter,
+            ylabel=f"{name}, once a {'return' if isinstance(self.seen, Return) else 'period'}",
+        )
         return ax
 
     def _described(self) -> tuple[str, Rows]:
@@ -664,7 +668,6 @@ def orbit_diagram(
         raise ValueError(f"`{idle[0]}` is for independent runs; leave it out, or `carry`.")
     base = poincare_map(system, seen, options if carry else {})
     states = tuple(s.name for s in system.model.states)
-    strobed_by = "period" if isinstance(seen, Strobe) else "return"
     if not carry:
         found = sweep(
             system, {name: at_values.tolist()}, x0=x0, seen=seen, transient=transient, periods=keep,
@@ -672,7 +675,7 @@ def orbit_diagram(
         )  # fmt: skip
         points = np.stack([found[f"{s}_points"].values for s in states], axis=-1)
         reasons = [why_not(outcome) for outcome in found["outcome"].values.tolist()]
-        return OrbitDiagram(name, at_values, states, points, tuple(reasons), strobed_by, system)
+        return OrbitDiagram(name, at_values, states, points, tuple(reasons), seen, system)
     at = np.array(system.initial_state(x0), float)
     points, reasons = np.full((len(at_values), keep, len(states)), np.nan), list[str]()
     for k, value in enumerate(at_values):
@@ -681,4 +684,4 @@ def orbit_diagram(
         reasons.append(reason)
         if np.isfinite(points[k, -1]).all():
             at = points[k, -1]
-    return OrbitDiagram(name, at_values, states, points, tuple(reasons), strobed_by, system)
+    return OrbitDiagram(name, at_values, states, points, tuple(reasons), seen, system)

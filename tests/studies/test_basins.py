@@ -160,3 +160,12 @@ def test_basins_are_the_same_in_any_unit(size, time):
     found = basins(wells, grid, Strobe(2 * sp.pi * W), transient=60)
     ends = sorted(orbit.x[0] / size for orbit in found.attractors)
     assert (found.labels >= 0).all() and ends == pytest.approx([-0.790050635, 1.197065362], abs=1e-8)
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.25])
+def test_exponents_of_an_orbit_diagram_begin_at_its_phase(phase):
+    # x' = (cos t - a) x + sin t: over half a period from t0 the mean of cos t - a is -a - 2 sin(t0)/pi.
+    system = System({x: (sp.cos(t) - c) * x + sp.sin(t)}, time=t, parameters={c: 0.5})
+    shown = orbit_diagram(system, c, [0.5, 1.0], {x: 0.3}, Strobe(2 * sp.pi, phase=phase), transient=5, keep=1)
+    exact = [-a - 2 * math.sin(2 * math.pi * phase) / math.pi for a in (0.5, 1.0)]
+    assert shown.exponents(math.pi)[:, 0] == pytest.approx(exact, abs=1e-8)
