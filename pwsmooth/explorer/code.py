@@ -38,12 +38,9 @@ def script(subject: Subject, asked: Mapping[str, Any]) -> str:
         lines += ["from sympy import oo"]
     if any("np." in line for line in body):
         lines += ["import numpy as np"]
-    imports = [
-        n
-        for n in ("Return", "Strobe", "basins", "orbit_diagram", "solve")
-        if any(f" {n}(" in line for line in body)
-    ]
-    lines += [f"from pwsmooth import {', '.join(imports)}"] * bool(imports)
+    for home, names in (("", ("Return", "Strobe", "basins", "solve")), (".studies", ("orbit_diagram",))):
+        if used := [name for name in names if any(f" {name}(" in line for line in body)]:
+            lines += [f"from pwsmooth{home} import {', '.join(used)}"]
     return "\n".join([*lines, "from pwsmooth.plotting import style", "", *makes, "", *body, ""])
 
 
