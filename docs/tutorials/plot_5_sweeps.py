@@ -130,10 +130,10 @@ class Interrupted(ThreadPoolExecutor):
 
 
 store = Path(tempfile.mkdtemp()) / "map.zarr"
-study["store"] = store
 with Interrupted(2) as pool:
     try:
-        sweep(block, axes, work=Work(executor=pool, chunk=40), **study)
+        work = Work(executor=pool, chunk=40, store=store)
+        sweep(block, axes, work=work, **study)
     except KeyboardInterrupt:
         half = xarray.open_zarr(store, consolidated=False)
         missing = int((half.outcome == -128).sum())
@@ -141,7 +141,7 @@ with Interrupted(2) as pool:
             f"interrupted: {missing} of {half.outcome.size} points have not run"
         )
 
-resumed = sweep(block, axes, **study)
+resumed = sweep(block, axes, work=Work(store=store), **study)
 print("resumed; identical to the undisturbed run:", resumed.identical(found))
 # sphinx_gallery_start_ignore
 # What the text says, checked.
@@ -166,7 +166,8 @@ import numpy as np
 import sympy as sp
 from dask.distributed import Client, LocalCluster
 
-from pwsmooth import Switch, System, sweep
+from pwsmooth import Strobe, Switch, System, sweep
+from pwsmooth.studies import Work
 
 t, y, v = sp.symbols("t y v", real=True)
 k, sigma, rho = sp.symbols("k sigma rho", nonnegative=True)
