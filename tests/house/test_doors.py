@@ -204,6 +204,11 @@ def test_names_of_other_tools_and_packages_lead_to_ours():
     for call, name in (
         (lambda: sweep(BLOCK, {"k": [1.0]}, start=START, seen=Strobe(T)), "x0"),
         (lambda: find_orbit(BLOCK, start=START, seen=Strobe(T)), "x0"),
+        (lambda: find_orbit(BLOCK, START, period=T), "seen"),
+        (lambda: diagram(BLOCK, {k: (1, 2)}, START, section=v), "seen"),
+        (lambda: diagram(BLOCK, ranges={k: (1, 2)}), "over"),
+        (lambda: diagram(BLOCK, {k: (1, 2)}, START, longest_step=0.1), "steps"),
+        (lambda: sweep(BLOCK, {"k": [1.0]}, workers=2), "work"),
         (lambda: solve(BLOCK, (0, 1), y0=START), "x0"),
         (lambda: BLOCK.smoothed(epsilon=1e-3), "eps"),
         (lambda: Dahl(sigma_0=1), "sigma0"),
