@@ -39,6 +39,7 @@ LITERATURE = tuple(
     for module in (
         "analysis.continuation.bifurcations",
         "analysis.sticking.capture",
+        "analysis.continuation.following",
         "analysis.continuation.two_parameters",
         "analysis.equilibria.finding",
         "analysis.equilibria.equilibrium",

@@ -44,7 +44,8 @@ from studytools import Claim, Study, claim, command, parts
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from pwsmooth import Family, Recorder, Switch, System, solve
+from pwsmooth import Family, Switch, System, solve
+from pwsmooth.families import Recorder
 from pwsmooth.laws.friction import StaticKinetic
 from pwsmooth.plotting import COLOUR, new_figure
 

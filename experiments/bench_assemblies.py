@@ -62,7 +62,8 @@ from chain_models import BELT, belt, chain, networks, start_of, with_templates
 from family_models import MODELS, t
 from numba import njit
 
-from pwsmooth import Recorder, System, plotting, solve
+from pwsmooth import System, plotting, solve
+from pwsmooth.families import Recorder
 
 END, BOUND = 30.0, 1e-8  # of the comparison with others
 KC, RATIO = 2.0, 1.5

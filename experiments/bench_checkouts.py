@@ -28,7 +28,7 @@ def scenes():
     import numpy as np
     import sympy as sp
 
-    from pwsmooth import Switch, System, Unilateral, solve, sweep
+    from pwsmooth import Strobe, Switch, System, Unilateral, solve, sweep
 
     t, x, y, v, z, p, q = sp.symbols("t x y v z p q", real=True)
     sigma = sp.Symbol("sigma", positive=True)
@@ -54,7 +54,7 @@ def scenes():
 
     def swept():
         grid = {"sigma": np.linspace(1, 4, 200)}
-        sweep(coulomb, grid, start=[0.5, 0.3], period=2 * sp.pi, transient=30, periods=10)
+        sweep(coulomb, grid, x0=[0.5, 0.3], seen=Strobe(2 * sp.pi), transient=30, periods=10)
         return {}
 
     return {

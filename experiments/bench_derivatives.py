@@ -62,9 +62,9 @@ def forward():
     names = ["rho", "beta", "sigma", "omega", "y", "v", "z"]
     tasks = {
         "plain": lambda: solve(*run),
-        "derivatives": lambda: solve(*run, with_respect_to=names).derivatives.end[0],
+        "derivatives": lambda: solve(*run, by=names).derivatives.end[0],
     }
-    exact = solve(*run, with_respect_to=names, **TIGHT)
+    exact = solve(*run, by=names, **TIGHT)
     motion = dict(parameters=values, start=START, end=run[1][1], names=names, cost=Y)
     return tasks, (motion, pieces, exact.derivatives.end[0], len(exact.events))
 

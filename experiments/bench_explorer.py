@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from benchtools import provenance, write_json
 
-from pwsmooth.explore.bundle import static
+from pwsmooth.explorer.bundle import static
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 from explore_in_browser import ALONE, IDLE, WIDTHS, browser, served, wait
@@ -138,7 +138,7 @@ def measured(moves: int, many: int) -> dict[str, Any]:
         left = [p for p in kept if Path(f"/proc/{p}").exists()]
         found["Ctrl-C"] = {"s": time.perf_counter() - begun, "code": code, "processes left": len(left)}
     # file.js takes the place of main.js in a file without Python; a page has the others.
-    folder = importlib.resources.files("pwsmooth.explore").joinpath("static")
+    folder = importlib.resources.files("pwsmooth.explorer").joinpath("static")
     names = sorted(f.name for f in folder.iterdir() if f.name.endswith((".js", ".css")) and f.name != "file.js")
     found["module and style, kB"] = {
         "source": sum(len(folder.joinpath(name).read_bytes()) for name in names) / 1e3,

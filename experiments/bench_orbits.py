@@ -24,7 +24,8 @@ import numpy as np
 import sympy as sp
 from benchtools import provenance, write_json
 
-from pwsmooth import Switch, System, find_orbit, follow, lyapunov_exponents, solve
+from pwsmooth import Strobe, Switch, System, find_orbit, follow, solve
+from pwsmooth.analysis.lyapunov import lyapunov_exponents
 from pwsmooth.analysis.maps import variations
 
 PERIOD, LONG = 2 * math.pi, 350.0
@@ -46,9 +47,9 @@ def oscillator():
 def tasks():
     """Name -> (what is timed, by how many its time is divided)."""
     system = oscillator()
-    orbit = find_orbit(system, {"y": 0.5, "v": 0.3, "z": 0}, period=2 * sp.pi, transient=20)
-    near = dict(orbit.start, y=1.01 * orbit.start["y"], v=1.01 * orbit.start["v"])
-    run = solve(system, (0, PERIOD), orbit.start, dense_output=True, **TIGHT)
+    orbit = find_orbit(system, {"y": 0.5, "v": 0.3, "z": 0}, seen=Strobe(2 * sp.pi), transient=20)
+    near = dict(orbit.x0, y=1.01 * orbit.x0["y"], v=1.01 * orbit.x0["v"])
+    run = solve(system, (0, PERIOD), orbit.x0, dense_output=True, **TIGHT)
     without = copy.copy(run)
     without.tape = None
     values = np.linspace(3.1, 3.6, 20)
@@ -56,21 +57,21 @@ def tasks():
     def multipliers():
         at = orbit
         for value in values:
-            at = find_orbit(system.with_parameters({"sigma": value}), at.x, period=2 * sp.pi)
+            at = find_orbit(system.with_parameters({"sigma": value}), at.x, seen=Strobe(2 * sp.pi))
             assert at.success
 
     def exponents(count):
-        return lambda: lyapunov_exponents(system, orbit.start, LONG, count=count)
+        return lambda: lyapunov_exponents(system, orbit.x0, LONG, count=count)
 
-    branch = follow(orbit, "sigma", to=3.3)
+    branch = follow(orbit, {"sigma": 3.3})
     assert branch.end == "reached sigma = 3.3."
     return {
-        "period": (lambda: solve(system, (0, PERIOD), orbit.start, **TIGHT), 1),
-        "long run": (lambda: solve(system, (0, LONG), orbit.start), 1),
+        "period": (lambda: solve(system, (0, PERIOD), orbit.x0, **TIGHT), 1),
+        "long run": (lambda: solve(system, (0, LONG), orbit.x0), 1),
         "fundamental matrix, tape": (lambda: variations(run), 1),
         "fundamental matrix, collocation": (lambda: variations(without), 1),
-        "find_orbit": (lambda: find_orbit(system, near, period=2 * sp.pi), 1),
-        "follow, an orbit": (lambda: follow(orbit, "sigma", to=3.3), len(branch.orbits)),
+        "find_orbit": (lambda: find_orbit(system, near, seen=Strobe(2 * sp.pi)), 1),
+        "follow, an orbit": (lambda: follow(orbit, {"sigma": 3.3}), len(branch.orbits)),
         "multipliers, a value": (multipliers, len(values)),
         "exponent": (exponents(1), 1),
         "all exponents": (exponents(3), 1),

@@ -22,8 +22,8 @@ import numpy as np
 import sympy as sp
 from benchtools import provenance, write_json
 
-from pwsmooth import Switch, System, sweep
-from pwsmooth.sweep import Points, basins, make_plan, refine
+from pwsmooth import Strobe, Switch, System, sweep
+from pwsmooth.studies import Points, Work, basins, make_plan, refine
 
 t, y, v, z = sp.symbols("t y v z", real=True)
 rho, beta, k, sigma, omega = sp.symbols("rho beta k sigma omega", nonnegative=True)
@@ -40,7 +40,7 @@ RANGES = {"rho": (0, 6), "sigma": (0.5, 1.6), "omega": (0.5, 1.5)}
 def diagram(name):
     """Seconds of the first chunk, of all columns, and of all columns run to their end; and the share of sticking."""
     plan = make_plan(
-        OSCILLATOR, {name: np.linspace(*RANGES[name], 800)}, start={"y": 0.5, "v": 0.3, "z": 0}, period=DRIVE,
+        OSCILLATOR, {name: np.linspace(*RANGES[name], 800)}, x0={"y": 0.5, "v": 0.3, "z": 0}, seen=Strobe(DRIVE),
         transient=100, periods=100, measures=[Points("y", last=100)],
     )  # fmt: skip
     begin = time.process_time()
@@ -54,8 +54,8 @@ def diagram(name):
         pass
     unsettled = time.process_time() - begin - whole
     sticks = sweep(
-        OSCILLATOR, {name: np.linspace(*RANGES[name], 40)}, start={"y": 0.5, "v": 0.3, "z": 0}, period=DRIVE,
-        measures=["sticks"], progress=False,
+        OSCILLATOR, {name: np.linspace(*RANGES[name], 40)}, x0={"y": 0.5, "v": 0.3, "z": 0}, seen=Strobe(DRIVE),
+        measures=["sticks"], work=Work(progress=False),
     )  # fmt: skip
     value = plan.values(indices)[name]
     return {
@@ -80,7 +80,7 @@ def maps(side):
 
     basins.run_chunk = counted
     begin = time.process_time()
-    chunks = basins.refine_basins(OSCILLATOR, grid, DRIVE, start={"z": 0}, transient=200)
+    chunks = basins.refine_basins(OSCILLATOR, grid, Strobe(DRIVE), x0={"z": 0}, transient=200)
     labels = [next(chunks)[1]]
     first = time.process_time() - begin
     for _, some, found in chunks:
@@ -96,8 +96,9 @@ def maps(side):
     periods = round(ran / side**2)
     begin = time.process_time()
     sweep(
-        OSCILLATOR, points=starts, start={"z": 0}, period=DRIVE, transient=0, periods=periods, workers=1,
-        measures=[Points("y", last=1)], progress=False,
+        OSCILLATOR, points=starts, x0={"z": 0}, seen=Strobe(DRIVE), transient=0, periods=periods,
+        work=Work(workers=1, progress=False),
+        measures=[Points("y", last=1)],
     )  # fmt: skip
     plain = (time.process_time() - begin) / (len(chosen) * periods)
     return {

@@ -58,8 +58,8 @@ def pwsmooth_runner(rtol):
     """The System is built outside the clock, as in a notebook."""
     import sympy as sp
 
-    from pwsmooth import Switch, System, sweep
-    from pwsmooth.sweep import Points
+    from pwsmooth import Strobe, Switch, System, sweep
+    from pwsmooth.studies import Points, Work
 
     t, y, v = sp.symbols("t y v", real=True)
     k, c, N, sigma, omega = sp.symbols("k c N sigma omega", nonnegative=True)
@@ -68,8 +68,10 @@ def pwsmooth_runner(rtol):
 
     def run(ks, sigmas, workers=1, chunk=None):
         found = sweep(
-            oscillator, points={"k": ks, "sigma": sigmas}, start={y: START[0], v: START[1]}, period=2 * sp.pi / omega,
-            transient=0, periods=PERIODS, rtol=rtol, atol=1e-3 * rtol, workers=workers, chunk=chunk, progress=False,
+            oscillator, points={"k": ks, "sigma": sigmas}, x0={y: START[0], v: START[1]},
+            seen=Strobe(2 * sp.pi / omega),
+            transient=0, periods=PERIODS, rtol=rtol, atol=1e-3 * rtol,
+            work=Work(workers=workers, chunk=chunk, progress=False),
             measures=["sticks", "itinerary", "period", "counts", Points("y", "v", last=1)],
         )  # fmt: skip
         final = np.column_stack([found.y_points.values[:, 0], found.v_points.values[:, 0]])

@@ -30,10 +30,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 from friction_oscillator import hidden, omega, z
 
-from pwsmooth import solve, sweep
+from pwsmooth import Strobe, solve, sweep
 from pwsmooth.analysis.sticking import capture_threshold
 from pwsmooth.plotting import COLOUR, new_figure
-from pwsmooth.sweep import Function, Points
+from pwsmooth.studies import Function, Points
 
 DRIVE = 2 * sp.pi / omega
 LIMIT = 0.778356050  # the two-stage limit's stick, computed apart
@@ -78,7 +78,7 @@ def sticks_of_smooth(solution, window):
 def on_orbit(system, transient):
     """A point of the orbit that a start of the specification leads to, and |F| where v reaches zero on it."""
     found = sweep(
-        system, {"rho": [3.0]}, start={"y": 0.6, "v": -1.07}, period=DRIVE, transient=transient, periods=1,
+        system, {"rho": [3.0]}, x0={"y": 0.6, "v": -1.07}, seen=Strobe(DRIVE), transient=transient, periods=1,
         measures=Points("y", "v", last=1),
     )  # fmt: skip
     return {name: float(found[f"{name}_points"].item()) for name in "yv"}
@@ -108,7 +108,7 @@ def edge(start, number, low, high, periods):
     layer = hidden().layered({z: 0.1})
 
     def led(log_r):
-        found = sweep(layer, {"ratio_z": [10**log_r]}, start=start, period=DRIVE, transient=periods, periods=8,
+        found = sweep(layer, {"ratio_z": [10**log_r]}, x0=start, seen=Strobe(DRIVE), transient=periods, periods=8,
                       measures=["sticks"])  # fmt: skip
         return round(float(found.sticks.values[0])) == number
 
@@ -126,9 +126,9 @@ def run(config: Config) -> dict:
     betas, ratios, smooth_ratios = (powers(a) for a in (config.log_beta, config.log_r, config.log_r_smooth))
     two, one = on_orbit(hidden().layered({z: sp.oo}), 60), on_orbit(hidden().layered({z: 0.003}), 40)
     starts = {name: (two[name], one[name]) for name in "yv"}
-    common = dict(points=starts, period=DRIVE, periods=config.periods)
+    common = dict(points=starts, seen=Strobe(DRIVE), periods=config.periods)
     slow = sweep(
-        hidden(), {"beta": betas}, start={"z": 0.0}, transient=config.transient, **common,
+        hidden(), {"beta": betas}, x0={"z": 0.0}, transient=config.transient, **common,
         measures=["sticks", "itinerary", "period"],
     )  # fmt: skip
     layer = hidden().layered({z: 0.1})
@@ -159,7 +159,7 @@ def run(config: Config) -> dict:
     measure = Function(sticks_of_smooth, names=("sticks", "stick_time"), dense=True)
     for eps in config.eps:
         smooth = sweep(
-            hidden().smoothed(eps=eps), {"beta": np.sort(eps / smooth_ratios)}, start={"z": 0.0}, measures=measure,
+            hidden().smoothed(eps=eps), {"beta": np.sort(eps / smooth_ratios)}, x0={"z": 0.0}, measures=measure,
             transient=config.smooth_transient, rtol=1e-7, atol=1e-10, **common,
         )  # fmt: skip
         # The axis runs over beta: turned round, it runs over r.

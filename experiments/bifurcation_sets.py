@@ -2,7 +2,7 @@
 
     y' = v,   v' = -sigma sin(omega t) - k y - c v - N lam (1 + rho z),   k = 3.1, c = 0.1, N = 1
 
-Bifurcation sets by one call each (`pwsmooth.bifurcation_set`), of the slaved limit, beta << eps (z = 1 - lam^2: static
+Bifurcation sets by one call each (`pwsmooth.diagram`), of the slaved limit, beta << eps (z = 1 - lam^2: static
 friction answers at once), over (omega, sigma) at rho = 3 and over (rho, sigma) at omega = 1. The hidden term stays: it
 is what folds the layer, and with it sticks end at a fold. And of the relaxing limit, eps << beta (0.1 z' = 1 - lam^2 -
 z, z a state of the motion, none of the layer), over (omega, sigma) at rho = 3. Sticks are canards there: on the way
@@ -53,12 +53,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 from friction_oscillator import hidden, omega, v, y, z
 
-from pwsmooth import bifurcation_set, follow, sweep
+from pwsmooth import Strobe, diagram, follow, sweep
+from pwsmooth.analysis.continuation import Steps
 from pwsmooth.analysis.maps import Stroboscopic
 from pwsmooth.analysis.orbits import refine
 from pwsmooth.diagrams.growing import Grown
 from pwsmooth.plotting import new_figure
-from pwsmooth.sweep import Period, Points
+from pwsmooth.studies import Period, Points, Work
 
 DRIVE = 2 * sp.pi / omega
 MIRROR = {y: -y, v: -v}
@@ -108,10 +109,12 @@ def the_set(name: str, config: Config, store=None):
     view, parameters, ranges, lines = SETS[name]
     held = dict(zip(parameters.split(), getattr(config, lines)))
     begun, spent = time.perf_counter(), sum(os.times()[:4])
-    found = bifurcation_set(
-        system_of(view, config), parameters.split(), ranges, [start_of(view, s) for s in config.starts], DRIVE,
-        lines=held, symmetry=MIRROR, values=config.values, longest=config.longest, workers=config.workers,
-        longest_step=0.1, points=1000, progress=False, store=store,
+    found = diagram(
+        system_of(view, config), dict(zip(parameters.split(), ranges)), [start_of(view, s) for s in config.starts],
+        Strobe(DRIVE, symmetry=MIRROR),
+        lines=held, values=config.values, max_count=config.longest,
+        work=Work(workers=config.workers, store=store, progress=False),
+        steps=Steps(longest=0.1, max_points=1000),
     )  # fmt: skip
     return found, {"wall": time.perf_counter() - begun, "processor": sum(os.times()[:4]) - spent}
 
@@ -127,7 +130,8 @@ def attractors_at(view: str, at: dict, config: Config, random) -> tuple[list, di
     points, cycle = [], []
     for transient in (config.transient, 10 * config.transient):
         found = sweep(
-            system, points=starts, start=more, period=DRIVE, transient=transient, periods=32, progress=False,
+            system, points=starts, x0=more, seen=Strobe(DRIVE), transient=transient, periods=32,
+            work=Work(progress=False),
             measures=[Period(16, 1e-6), Points(*map(str, system.states), last=16)],
         )  # fmt: skip
         points = np.stack([found[f"{s}_points"].values for s in system.states], axis=-1)
@@ -169,7 +173,7 @@ def borders(orbit, names, ranges) -> list[tuple[str, dict, str]]:
     values = {p.name: float(q) for p, q in orbit.system.parameters.items()}
     for name, (low, high) in zip(names, ranges):
         for to in (low, high):
-            branch = follow(orbit, name, to, most=2000, max_steps=1_000_000)
+            branch = follow(orbit, {name: to}, steps=Steps(max_points=2000), max_steps=1_000_000)
             back = np.flatnonzero(np.diff(branch.values) * (to - branch.values[0]) < 0)
             last = min([*np.flatnonzero(~branch.stable), *back[:1] + 1, len(branch.stable)])
             # The first place at which it turns back, jumps, or loses its stability, be it for less than a step.

@@ -37,13 +37,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 from friction_oscillator import hidden, v, y, z
 
-from pwsmooth import find_orbit, follow, follow_curve, sweep
-from pwsmooth.analysis.continuation import branch_off
+from pwsmooth import Strobe, find_orbit, follow, sweep
+from pwsmooth.analysis.continuation import Steps, branch_off
 from pwsmooth.analysis.maps import Stroboscopic
 from pwsmooth.analysis.orbits import refine
 from pwsmooth.analysis.sticking import critical_ratio
 from pwsmooth.plotting import new_figure
-from pwsmooth.sweep import Period, Points
+from pwsmooth.studies import Period, Points, Work
 
 DRIVE = 2 * sp.pi
 MIRROR = {y: -y, v: -v}
@@ -95,7 +95,8 @@ def attractors(at: dict, number: int, config: Config, random) -> tuple[list, Cou
     base, orbits, fates = Stroboscopic(system, DRIVE), [], Counter()
     for transient in (config.transient, 8 * config.transient):
         found = sweep(
-            system, points=starts, start={}, period=DRIVE, transient=transient, periods=12, progress=False,
+            system, points=starts, x0={}, seen=Strobe(DRIVE), transient=transient, periods=12,
+            work=Work(progress=False),
             measures=[Period(6, 1e-6), Points("y", "v", last=6)],
         )  # fmt: skip
         ends = np.stack([found["y_points"].values, found["v_points"].values], axis=-1)
@@ -125,7 +126,7 @@ def _symmetric(orbit):
     """The orbit as one of the half-period map, if it is its own mirror image."""
     if orbit.map.count != 1:
         return orbit
-    half = find_orbit(orbit.system, list(orbit.x), period=DRIVE, symmetry=MIRROR)
+    half = find_orbit(orbit.system, list(orbit.x), seen=Strobe(DRIVE, symmetry=MIRROR))
     orbit = half if half.success and np.abs(half.x - orbit.x).max() < 1e-6 else orbit
     # A section in a stick has several states of the layer to begin with; one in the longest slip has not.
     run = orbit.map.over(orbit.x, orbit.period)
@@ -155,7 +156,7 @@ def the_set(config: Config) -> dict:
                 if kind is None and any(_on(branch, orbit) for branch in seen):
                     continue
                 for to in config.drives:
-                    branch = follow(orbit, "sigma", to=to, longest_step=0.05)
+                    branch = follow(orbit, {"sigma": to}, steps=Steps(longest=0.05))
                     seen.append(branch)
                     for one in branch.bifurcations:
                         new = _added(one, ratio, curves, ranges, lost, config)
@@ -196,7 +197,7 @@ def _added(one, ratio: float, curves: list[dict], ranges, lost: Counter, config:
         )
         return False
     try:
-        curve = follow_curve(one, ranges, longest_step=0.03)
+        curve = follow(one, ranges, steps=Steps(longest=0.03))
     except ValueError as error:
         curve, said = None, str(error)
     if curve is None or len(curve.orbits) < 2:
@@ -235,7 +236,7 @@ def borders(orbit, config: Config) -> list[tuple[str, tuple[float, float], str]]
     values = {p.name: float(q) for p, q in orbit.system.parameters.items() if p.name in NAMES}
     for name, bounds in zip(NAMES, (config.ratios, config.drives)):
         for to in bounds:
-            branch = follow(orbit, name, to=to)
+            branch = follow(orbit, {name: to})
             stable = branch.stable
             last = int(np.argmin(stable)) if not stable.all() else len(stable)
             begin, end = branch.values[max(last - 1, 0)], branch.values[min(last, len(stable) - 1)]

@@ -10,7 +10,7 @@ sweep has hysteresis. As the slow motion does not know of r, the curves follow f
 arrival, over the drive.
 
 Method: orbits of the layered view with a finite r (the limit eps -> 0 at fixed r), and their curves of captures over
-(r, sigma) at omega = 1 and over (r, omega) at sigma = 2.4 (pwsmooth.follow_curve, kind "capture"): of the symmetric
+(r, sigma) at omega = 1 and over (r, omega) at sigma = 2.4 (pwsmooth.follow, kind "capture"): of the symmetric
 orbit of two sticks, of the asymmetric one of one stick, of the one that only slips. Branches over r at sigma = 2.4
 to their ends. Smoothed runs (pwsmooth.sweep, random starts) count which kind a start leads to: the first 200 run for 30
 periods and show the attractors, the others are counted with the one to which they have come within 1e-4 after ten, or
@@ -45,10 +45,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 from friction_oscillator import beta, coulomb, hidden, lam, omega, sigma, t, v, y, z
 
-from pwsmooth import System, find_orbit, follow, follow_curve, solve, sweep
+from pwsmooth import Strobe, System, find_orbit, follow, solve, sweep
+from pwsmooth.analysis.continuation import Steps
 from pwsmooth.analysis.sticking import capture_threshold, critical_ratio
 from pwsmooth.plotting import COLOUR, new_figure
-from pwsmooth.sweep import Function
+from pwsmooth.studies import Function, Work
 
 PERIOD = 2 * sp.pi / omega
 MIRROR = {y: -y, v: -v}
@@ -93,15 +94,15 @@ def layered(ratio, **values):
 def orbit(kind):
     start, ratio, drive = STARTS[kind]
     symmetry = None if kind == "one stick" else MIRROR
-    found = find_orbit(layered(ratio, sigma=drive), start, period=PERIOD, symmetry=symmetry, transient=60)
+    found = find_orbit(layered(ratio, sigma=drive), start, seen=Strobe(PERIOD, symmetry=symmetry), transient=60)
     # Where a saddle is in the layer of its crossings.
-    return follow(found, sigma, to=3.8).orbits[-1] if kind == "slip only" else found
+    return follow(found, {sigma: 3.8}).orbits[-1] if kind == "slip only" else found
 
 
 def curve(kind, over, config):
     """The curve of captures of a kind over r and the drive's amplitude or frequency."""
     ranges = {"ratio_z": config.ratios, over: config.drives if over == "sigma" else config.frequencies}
-    found = follow_curve(orbit(kind), ranges, kind="capture", step=0.05, longest_step=config.longest_step)
+    found = follow(orbit(kind), ranges, kind="capture", steps=Steps(first=0.05, longest=config.longest_step))
     orbits = [
         {"multiplier": float(max(abs(one.multipliers))), "stick": stuck(one)} for one in found.orbits
     ] if over == "sigma" else []  # fmt: skip
@@ -119,7 +120,7 @@ def branches():
     """Over r at sigma = 2.4: the two sticks down to their capture, the one stick up to its own."""
     found = []
     for kind, to in (("two sticks", 0.005), ("one stick", 0.3)):
-        branch = follow(orbit(kind), "ratio_z", to=to)
+        branch = follow(orbit(kind), {"ratio_z": to})
         (end,) = branch.of_kind("capture")
         at = [k for k, r in enumerate(branch.values) if (r >= end.parameter) == (to < 0.1)]
         found.append({
@@ -139,8 +140,8 @@ def from_force(kind, over, value):
     else:
         system = hidden(**values).layered({z: sp.oo if kind == "two sticks" else 0})
     symmetry = None if kind == "one stick" else MIRROR
-    found = find_orbit(system, STARTS[kind][0], period=PERIOD, symmetry=symmetry, transient=60)
-    branch = follow(found, over, to=float(value)) if value != values[over] else None
+    found = find_orbit(system, STARTS[kind][0], seen=Strobe(PERIOD, symmetry=symmetry), transient=60)
+    branch = follow(found, {over: float(value)}) if value != values[over] else None
     if branch is not None:
         # In the two-stage view a stick is lost where its own arrival exceeds N: from there on it is another orbit.
         if not branch.end.startswith("reached") or any(
@@ -195,8 +196,9 @@ def seen(solution, window):
 def after(system, starts, periods):
     """Kinds and states (n, 3) of many starts, by the last of so many periods."""
     found = sweep(
-        system, points=dict(zip("yvz", starts.T)), period=2 * sp.pi, transient=periods - 1, periods=1,
-        measures=Function(seen, names=("kind", "y_end", "v_end", "z_end")), rtol=1e-6, progress=False, workers=1,
+        system, points=dict(zip("yvz", starts.T)), seen=Strobe(2 * sp.pi), transient=periods - 1, periods=1,
+        measures=Function(seen, names=("kind", "y_end", "v_end", "z_end")), rtol=1e-6,
+        work=Work(workers=1, progress=False),
     )  # fmt: skip
     return found["kind"].values, np.column_stack([found[f"{name}_end"].values for name in "yvz"])
 

@@ -119,7 +119,7 @@ def drop(law, speed, mass=MASS, by=()):
     """(restitution, its derivatives) of a free impact."""
     depth = maximal_indentation(stiffness(5e-5), 1.5, mass, speed)
     scene = free_impact(law, speed=speed, m=mass, t_span=(0, 100 * depth / speed + 2e-3))
-    run = scene.solve(rtol=1e-12, atol=[1e-16] * len(scene.system.states), with_respect_to=list(by) or None)
+    run = scene.solve(rtol=1e-12, atol=[1e-16] * len(scene.system.states), by=list(by) or None)
     if not (run.success and run["force"][-1] == 0):
         raise RuntimeError(f"{type(law).__name__} at {speed:g} m/s: {run.message}")
     row = [str(s) for s in scene.system.states].index("v")
@@ -311,7 +311,7 @@ def checked(config):
     clearance, rpm = config.middle
     law = laws(clearance, config.e, config.speed, rpm)[0]["Hertz"]
     scene = slider_crank(law, clearance=clearance, rpm=rpm)
-    x = scene.system.initial_state(scene.start, 0.0)
+    x = scene.system.initial_state(scene.x0, 0.0)
     logs, direction = growth(scene, x, clearance, 0.0, config.checked)
     run = finished(scene.solve((0.0, config.checked * scene.period), x, dense_output=True))
     scale = scales(scene, clearance)
@@ -332,7 +332,7 @@ def case(law, clearance, rpm, revolutions, config):
     resting = 4 * float(contact_duration(K, 1.5, MASS, 1.0))
     found, state, failed = Contacts(), None, None
     try:
-        for run in pieces(scene, scene.start, config, revolutions):
+        for run in pieces(scene, scene.x0, config, revolutions):
             found.add(run, resting)
             state = run.x[:, -1]
     except RuntimeError as error:

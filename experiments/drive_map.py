@@ -38,9 +38,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 from friction_oscillator import coulomb, hidden, omega, z
 
-from pwsmooth import basins, lyapunov_exponents, sweep
+from pwsmooth import Strobe, basins, sweep
+from pwsmooth.analysis.lyapunov import lyapunov_exponents
 from pwsmooth.plotting import COLOUR, new_figure
-from pwsmooth.sweep import Itinerary, Period
+from pwsmooth.studies import Itinerary, Period, Work
 
 NAMED = {
     "S": ("at rest", "#BDBDBD"),
@@ -111,8 +112,10 @@ SYSTEMS = {"rho = 0": coulomb(), "rho = 3, slaved": hidden().layered({z: sp.oo})
 def named(system, config, start, transient, periods, longest, **where):
     """(dataset of the sweep, words, the keys of NAMED that its points have)."""
     found = sweep(
-        system, start=dict(zip("yv", start)), period=2 * sp.pi / omega, transient=transient, periods=periods,
-        measures=[Itinerary(), Period(longest=longest, tol=config.tol), "points(y)", "sticks"], progress=False, **where,
+        system, x0=dict(zip("yv", start)), seen=Strobe(2 * sp.pi / omega), transient=transient, periods=periods,
+        measures=[Itinerary(), Period(max_count=longest, tol=config.tol), "points(y)", "sticks"],
+        work=Work(progress=False),
+        **where,
     )  # fmt: skip
     words = np.vectorize(mirrored)(found.itinerary.values.astype(object))
     kinds = np.vectorize(kind)(words, found.period.values).astype(object)
@@ -180,7 +183,7 @@ def basin(strength, frequency, config):
     """Basins at rho = 3, slaved, over starts at t = 0."""
     system = SYSTEMS["rho = 3, slaved"].with_parameters({"sigma": strength, "omega": frequency})
     axes = {"y": np.linspace(-2, 2, config.starts), "v": np.linspace(-3, 3, config.starts)}
-    found = basins(system, axes, 2 * sp.pi / omega, transient=100)
+    found = basins(system, axes, Strobe(2 * sp.pi / omega), transient=100)
     resting = np.array([reason.startswith("rest:") for reason in found.reasons.ravel()])
     resting = resting.reshape(found.labels.shape)
     orbits = []

@@ -317,8 +317,8 @@ def bare(motion: Motion, how: str, steps: int | None = None, most: int = 16384) 
 
 def stopped(system: Any, motion: Motion, **options: Any) -> Any:
     """q -> cost by SciPy's DOP853, stopped at every event; compiled right-hand side, parameters as arguments."""
-    from pwsmooth.compare.work_precision.plain import plain
-    from pwsmooth.compare.work_precision.restarting import restarted
+    from pwsmooth.compare.efficiency.plain import plain
+    from pwsmooth.compare.efficiency.restarting import restarted
 
     functions = plain(system, tuple(s.name for s in motion.parameters))
     cost = sp.lambdify([list(motion.start)], motion.cost)

@@ -11,10 +11,10 @@ The reference is the closed form piece by piece in 60 digits (events by Newton's
 gradient. Time is processor time, the least of interleaved rounds, compilation apart; of methods with several knobs
 (tolerance, step of the differences, eps, bound of the integrator's step) the best combinations are drawn.
 
-    pwsmooth, forward / backward    `with_respect_to=`, `costs.Objective`
+    pwsmooth, forward / backward    `by=`, `costs.Objective`
     differences of pwsmooth, SciPy  central ones of event-driven runs; SciPy's DOP853 is stopped at each event
     differences, smoothed           central ones of `system.smoothed(eps)`, algebraic and tanh
-    smoothed, its derivatives       `with_respect_to=` of the same views
+    smoothed, its derivatives       `by=` of the same views
     heyoka, saltation by hand       variational equations of each smooth piece; it has no jumps of its own: NumPy adds
                                     them at its events
     diffrax, events                 Dopri8, reverse through its events; the number of pieces is told
@@ -207,9 +207,7 @@ def entrants(config: Config, name: str, count: int):
         yield (
             OWN[0],
             rtol,
-            lambda r=rtol: solve(system, span, motion.start, with_respect_to=names, **tight(r)).derivatives.end[
-                0
-            ],
+            lambda r=rtol: solve(system, span, motion.start, by=names, **tight(r)).derivatives.end[0],
         )
         objective = Objective(system, final(y), span, motion.start, names, **tight(rtol))
         yield OWN[1], rtol, lambda o=objective: o(o.start).gradient
@@ -239,9 +237,7 @@ def entrants(config: Config, name: str, count: int):
         yield (
             "smoothed, its derivatives",
             (eps, sigmoid, 1e-6),
-            lambda f=view: solve(f, span, motion.start, with_respect_to=names, **tight(1e-6)).derivatives.end[
-                0
-            ],
+            lambda f=view: solve(f, span, motion.start, by=names, **tight(1e-6)).derivatives.end[0],
         )
         for rtol, share in itertools.product(config.coarse[:2], config.shares[::2]):
             run = by_name(view, **tight(rtol))

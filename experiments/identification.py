@@ -24,7 +24,7 @@ import numpy as np
 import sympy as sp
 from studytools import Claim, Study, claim, command
 
-from pwsmooth.fit import Record, compare, fit
+from pwsmooth.fitting import Record, compare, fit
 from pwsmooth.laws import friction
 from pwsmooth.plotting import COLOUR, new_figure
 from pwsmooth.scenes import block_on_belt, friction_oscillator, position_control, prescribed_motion

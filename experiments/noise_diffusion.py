@@ -32,8 +32,9 @@ from studytools import Claim, Study, claim, command
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from paper_figures import oscillator as osc
-from pwsmooth import Diffusion, Event, Switch, System, ensemble, solve
+from pwsmooth import Diffusion, Event, Switch, System, solve
 from pwsmooth.plotting import COLOUR, new_figure
+from pwsmooth.studies import ensemble
 
 FAR = 6.0
 EVERY = osc.PERIOD / 500

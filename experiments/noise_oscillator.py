@@ -27,7 +27,8 @@ from scipy.special import logit
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from paper_figures import oscillator as osc
-from pwsmooth import Diffusion, Kicks, ensemble, solve
+from pwsmooth import Diffusion, Kicks, solve
+from pwsmooth.studies import ensemble
 
 START = {"y": 0.78, "v": -1.03, "z": 0.0}
 PEAK = 1.6

@@ -50,9 +50,10 @@ from studytools import Claim, Study, claim, command, parts
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from pwsmooth import Diffusion, Event, Kicks, System, ensemble
+from pwsmooth import Diffusion, Event, Kicks, System
 from pwsmooth.analysis.sticking import capture_threshold
 from pwsmooth.plotting import COLOUR, new_figure
+from pwsmooth.studies import ensemble
 
 LONGEST = 4000.0  # time of a trajectory
 FEW, MANY = 0.3, 300.0  # spacings far below and far above the layer's own time

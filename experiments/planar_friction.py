@@ -159,7 +159,7 @@ def costs(config):
 
 
 def planar(system, scene):
-    return solve(system, scene.t_span, scene.start, rtol=1e-9, atol=1e-11)
+    return solve(system, scene.t_span, scene.x0, rtol=1e-9, atol=1e-11)
 
 
 def periods(config):
@@ -231,7 +231,7 @@ def creep(config):
     rows["Moreau, step 1 ms"] = x
     for eps in (1e-2, 1e-4):
         rows[f"smoothed, eps = {eps:g} m/s"] = float(
-            solve(scene.system.smoothed(eps), scene.t_span, scene.start).x[0, -1]
+            solve(scene.system.smoothed(eps), scene.t_span, scene.x0).x[0, -1]
         )
     for name, option in (
         ("defaults", ""),

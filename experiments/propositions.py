@@ -31,7 +31,8 @@ from studytools import Claim, Study, claim, command
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from paper_figures import oscillator as osc
-from pwsmooth import System, find_orbit, follow, solve
+from pwsmooth import Strobe, System, find_orbit, follow, solve
+from pwsmooth.analysis.continuation import Steps
 from pwsmooth.paths.derivatives.linearised import linearise
 from pwsmooth.plotting import COLOUR, new_figure
 
@@ -112,7 +113,7 @@ def rest_end(beta, *, A=0.0, offset=0.0, over="A", to=3.0):
         parameters={size: A, shift: offset, memory: beta},
         outputs={"lam": held},
     )
-    options = dict(period=2 * sp.pi, rtol=1e-11, atol=1e-13)
+    options = dict(seen=Strobe(2 * sp.pi), rtol=1e-11, atol=1e-13)
 
     def seen(orbit):
         """(largest |lam|, least z, largest z) of an orbit."""
@@ -125,7 +126,7 @@ def rest_end(beta, *, A=0.0, offset=0.0, over="A", to=3.0):
         return [float(value) for value in (np.abs(lam).max(), z.min(), z.max())]
 
     first = find_orbit(rest, {osc.z: 0.8}, transient=20, **options)
-    branch = follow(first, over, to, most=80, shortest_step=1e-10)
+    branch = follow(first, {over: to}, steps=Steps(shortest=1e-10, max_points=80))
     last = int(np.argmax(branch.values))  # where it turns
     rising = [seen(orbit) for orbit in branch.orbits[: last + 1]]
     slips = next((i for i, (lam, _, _) in enumerate(rising) if lam > 1), None)

@@ -44,7 +44,8 @@ from studytools import Claim, Study, claim, command, parts
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from pwsmooth import Event, Switch, System, find_orbit, follow, follow_curve, solve
+from pwsmooth import Event, Strobe, Switch, System, find_orbit, follow, solve
+from pwsmooth.analysis.continuation import Steps
 from pwsmooth.plotting import COLOUR, new_figure
 
 t, y, v, z = sp.symbols("t y v z", real=True)
@@ -121,9 +122,9 @@ def limit(field, values, period, low, high):
     """
     field = field.with_parameters({**values, A: low})
     transient = int(20 + 30 * float(field.parameters[b]))
-    orbit = find_orbit(field, {z: 0.6}, period=period, transient=min(transient, 400))
+    orbit = find_orbit(field, {z: 0.6}, seen=Strobe(period), transient=min(transient, 400))
     for most in (60, 120, 500):
-        branch = follow(orbit, A, to=high, most=most)
+        branch = follow(orbit, {A: high}, steps=Steps(max_points=most))
         narrow = (
             np.ptp(branch.values[-10:]) < ROUNDED
         )  # a canard explosion, over which A does not change any more
@@ -179,15 +180,15 @@ def offset_by(rho_, offset):
 def curves():
     """The fold and the touch of |lam| = 1 over (rho, A) at omega beta = 100."""
     field = system().with_parameters({b: 100.0, A: 0.9})
-    orbit = find_orbit(field, {z: 0.6}, period=sp.pi, transient=2000)
-    folds = follow(orbit, A, to=6.0, most=60).of_kind("fold")[0]
+    orbit = find_orbit(field, {z: 0.6}, seen=Strobe(sp.pi), transient=2000)
+    folds = follow(orbit, {A: 6.0}, steps=Steps(max_points=60)).of_kind("fold")[0]
     ranges = {rho: (0.55, 6.5), A: (0.5, 8.0)}
     kept = {}
     for name, start, more in (
         ("saddle-node", folds, {}),
         ("|lam| = 1", orbit, {"kind": "grazing of an event", "switch": "bound"}),
     ):
-        curve = follow_curve(start, ranges, longest_step=0.1, **more)
+        curve = follow(start, ranges, steps=Steps(longest=0.1), **more)
         kept[name] = {"values": curve.values, "points": [list(p.values.values()) for p in curve.points]}
     return kept
 

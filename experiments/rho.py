@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 from friction_oscillator import coulomb, hidden, omega, v, y, z
 
-from pwsmooth import find_orbit, follow, solve, sweep
+from pwsmooth import Strobe, find_orbit, follow, solve, sweep
 from pwsmooth.analysis.sticking import fold
 from pwsmooth.plotting import COLOUR, new_figure
 
@@ -51,7 +51,7 @@ class Config:
 def swept(system, rhos, config, more, starts=slice(None)):
     """The sweep of one regime over rho and the starts."""
     return sweep(
-        system, {"rho": rhos}, points={"y": config.ys[starts], "v": config.vs[starts]}, start=more, period=DRIVE,
+        system, {"rho": rhos}, points={"y": config.ys[starts], "v": config.vs[starts]}, x0=more, seen=Strobe(DRIVE),
         transient=config.transient, periods=config.periods, measures=["sticks", "itinerary", "period", "amplitude(y)"],
     )  # fmt: skip
 
@@ -79,8 +79,8 @@ def crossing_force():
 def fold_of_sticks(config: Config) -> dict:
     """Where the relaxing block's sticking orbit, followed down from rho = 3, turns back; its stick time there."""
     start = {y: config.ys[0], v: config.vs[0], z: 0}
-    orbit = find_orbit(hidden(rho=3), start, period=DRIVE, transient=config.transient)
-    branch = follow(orbit, "rho", to=0)
+    orbit = find_orbit(hidden(rho=3), start, seen=Strobe(DRIVE), transient=config.transient)
+    branch = follow(orbit, {"rho": 0})
     found = branch.of_kind("fold")[0]
     events = [e for run in found.orbit.runs() for e in run.events]
     begin, end = (next(e.time for e in events if e.kind.startswith(kind)) for kind in ("stick", "slip"))

@@ -36,7 +36,7 @@ def study(config):
     from pwsmooth.scenes import slider_crank
 
     scene = slider_crank(clearance=config.clearance, c_r=config.c_r)
-    period, state, done = scene.period, scene.start, 0
+    period, state, done = scene.period, scene.x0, 0
     impacts, speeds, peaks, depths = [], [], [], []
     worst, escape, steps, seconds = 0.0, 0.0, 0, 0.0
     while done < config.revolutions:

@@ -181,7 +181,7 @@ def run(config):
 def pulled(law):
     """Least force over the largest while a pull of 3000 N/s beyond 0.08 s takes a contact off."""
     scene = pressed_block(law, -3000 * sp.Max(0, t - 0.08), t_span=(0, 0.4))
-    force = contact_curves(scene, names=("force",), x0=dict(scene.start) | {"p": 0.0, "v": 1.0})[1]
+    force = contact_curves(scene, names=("force",), x0=dict(scene.x0) | {"p": 0.0, "v": 1.0})[1]
     return float(force.min() / force.max())
 
 

@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from paper_figures import oscillator as osc
 from paper_figures.figure_01 import prescribed
 from paper_figures.figure_02 import contact_coefficient
-from pwsmooth import Switch, System, find_orbit, solve
+from pwsmooth import Strobe, Switch, System, find_orbit, solve
 from pwsmooth.paths.derivatives.linearised import linearise
 from pwsmooth.plotting import COLOUR, new_figure
 
@@ -175,7 +175,7 @@ def touching():
 
 def rank(view, start):
     """Product of the multipliers of the periodic orbit that a start leads to, and their sizes."""
-    orbit = find_orbit(view, start, period=2 * sp.pi, transient=60)
+    orbit = find_orbit(view, start, seen=Strobe(2 * sp.pi), transient=60)
     sizes = np.abs(orbit.multipliers)
     # What slip and crossings alone leave: exp(-c T), and v' behind over v' before v = 0 of each crossing.
     run = orbit.solution()

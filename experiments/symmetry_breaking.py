@@ -24,7 +24,8 @@ from studytools import Claim, Study, claim, command
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from paper_figures import oscillator as osc
-from pwsmooth.analysis.continuation import branch_off, follow
+from pwsmooth import Strobe
+from pwsmooth.analysis.continuation import Steps, branch_off, follow
 from pwsmooth.analysis.maps import Stroboscopic
 from pwsmooth.analysis.orbits import find_orbit
 from pwsmooth.plotting import COLOUR, new_figure
@@ -64,11 +65,15 @@ def run(config):
     for rtol in config.tolerances:
         system = oscillator(config, config.sigma_from)
         first = find_orbit(
-            system, {osc.y: 0.5, osc.v: 0.3, osc.z: 0}, period=PERIOD, symmetry=MIRROR, transient=30, rtol=rtol
+            system,
+            {osc.y: 0.5, osc.v: 0.3, osc.z: 0},
+            seen=Strobe(PERIOD, symmetry=MIRROR),
+            transient=30,
+            rtol=rtol,
         )
-        symmetric = follow(first, "sigma", to=config.sigma_to)
+        symmetric = follow(first, {"sigma": config.sigma_to})
         breaking.append(symmetric.of_kind("symmetry breaking")[0])
-    pair = follow(branch_off(breaking[-1], 5e-3), "sigma", to=config.sigma_to, longest_step=0.03)
+    pair = follow(branch_off(breaking[-1], 5e-3), {"sigma": config.sigma_to}, steps=Steps(longest=0.03))
     settled = []
     for sigma in config.settled_at:
         step = Stroboscopic(oscillator(config, sigma), PERIOD, options={"rtol": 1e-9})

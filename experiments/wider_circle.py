@@ -28,12 +28,12 @@ from studytools import Claim, Study, claim, command
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from paper_figures import oscillator as osc
-from pwsmooth import Switch, System, solve
+from pwsmooth import Return, Strobe, Switch, System, solve
 from pwsmooth.analysis.lyapunov import lyapunov_exponents
 from pwsmooth.analysis.maps import Stroboscopic
 from pwsmooth.analysis.orbits import find_orbit, refine
 from pwsmooth.plotting import COLOUR, new_figure
-from pwsmooth.sweep.basins import orbit_diagram
+from pwsmooth.studies.attraction import orbit_diagram
 
 SIGMOIDS = ("algebraic", "tanh", "erf")
 MIRROR = {osc.y: -osc.y, osc.v: -osc.v}
@@ -88,7 +88,7 @@ def planar(config):
                 {"swing": swing, "x": path[0], "speed": path[1] + config.belt_speed}
             )
     undamped = _UNDRIVEN.with_parameters({"c": 0.0, "V": config.belt_speed})
-    orbit = find_orbit(undamped, {"x": 0.9, "v": 0.0}, section=x - 1, direction=1)
+    orbit = find_orbit(undamped, {"x": 0.9, "v": 0.0}, seen=Return(x - 1, direction=1))
     d = MU_S - 1
     exact = np.pi + 2 * np.arctan(config.belt_speed / d) + 2 * d / config.belt_speed
     return {"ends": ends, "period": orbit.period, "exact": exact, "multiplier": abs(orbit.multipliers[0])}
@@ -100,9 +100,11 @@ def shaw(config):
     system = _BLOCK.with_parameters({"a": config.forcing, "c": config.damping, "V": config.belt_speed})
     start = {"x": 0.5, "v": 0.3}
     period = 2 * sp.pi / omega
-    shown = orbit_diagram(system, omega, values, start, period, transient=config.transient, keep=config.kept)
+    shown = orbit_diagram(
+        system, omega, values, start, Strobe(period), transient=config.transient, keep=config.kept
+    )
     still = orbit_diagram(
-        system.with_parameters({"V": 0.0, "a": 2.2, "c": 0.1}), omega, values[::5], start, period,
+        system.with_parameters({"V": 0.0, "a": 2.2, "c": 0.1}), omega, values[::5], start, Strobe(period),
         transient=config.transient, keep=config.kept,
     )  # fmt: skip
     found = [recurrence(points) for points in shown.points]
@@ -166,12 +168,12 @@ def sigmoids(config):
     times = np.linspace(0, 2 * np.pi, 721)[:-1]
     for name in SIGMOIDS:
         slaved = osc.oscillator().layered({osc.z: sp.oo}, sigmoid=name)
-        exact = find_orbit(slaved, osc.SLAVED_START, period=2 * sp.pi, symmetry=MIRROR, transient=40)
-        guess = {"y": exact.start["y"], "v": exact.start["v"], "z": 0.0}
+        exact = find_orbit(slaved, osc.SLAVED_START, seen=Strobe(2 * sp.pi, symmetry=MIRROR), transient=40)
+        guess = {"y": exact.x0["y"], "v": exact.x0["v"], "z": 0.0}
         y, apart, stable = exact.solution()(times, "y"), {}, exact.success
         for eps in config.eps:
             smooth = osc.oscillator(beta=eps).smoothed(eps=eps, sigmoid=name)
-            orbit = find_orbit(smooth, guess, period=2 * sp.pi, symmetry=MIRROR, transient=40)
+            orbit = find_orbit(smooth, guess, seen=Strobe(2 * sp.pi, symmetry=MIRROR), transient=40)
             apart[f"{eps:g}"] = orbit.solution()(times, "y") - y
             stable = stable and orbit.success and orbit.stable
         found[name] = {"slaved": exact.x, "stable": stable, "apart": apart}

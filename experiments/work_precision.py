@@ -1,6 +1,6 @@
 """What does accuracy cost? Every method on scenes with known answers: error against time and evaluations.
 
-Errors are taken against references from an independent path (compare/work_precision/case.py), at three ends of the
+Errors are taken against references from an independent path (compare/efficiency/case.py), at three ends of the
 span, in units of the states' sizes; open marks are runs with a wrong itinerary, another sequence of crossings, sticks,
 slips or impacts. Rivals get the same right-hand side compiled, rules at their events that are compiled too, a bound on
 the step that keeps their events from being stepped over, and their best tolerance at every error; compilation is not
@@ -32,11 +32,11 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from studytools import Study, claim, command
 from work_precision_reading import OURS, behind, write_reading
 
-from pwsmooth.compare.work_precision.cases import CASES
-from pwsmooth.compare.work_precision.charts import SHORT, plot_orders, plot_widths, plot_work
-from pwsmooth.compare.work_precision.measuring import work_precision
-from pwsmooth.compare.work_precision.methods import METHODS
-from pwsmooth.compare.work_precision.points import Point, WorkPrecision
+from pwsmooth.compare.efficiency.cases import CASES
+from pwsmooth.compare.efficiency.charts import SHORT, plot_orders, plot_widths, plot_work
+from pwsmooth.compare.efficiency.measuring import work_precision
+from pwsmooth.compare.efficiency.methods import METHODS
+from pwsmooth.compare.efficiency.points import Point, WorkPrecision
 from pwsmooth.plotting import COLOUR, new_figure
 
 STICKING = ("sticking", "hidden", "relay", "belt", "chain")

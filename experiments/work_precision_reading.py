@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from studytools import RESULTS
 
-from pwsmooth.compare.work_precision.charts import best_width
-from pwsmooth.compare.work_precision.points import Point, WorkPrecision
+from pwsmooth.compare.efficiency.charts import best_width
+from pwsmooth.compare.efficiency.points import Point, WorkPrecision
 
 OURS, STIFF = "event-driven", "event-driven, stiff"
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "methods.md"

@@ -49,7 +49,7 @@ def ours():
     for _, law, c_r, c, factor, _, _ in ROWS:
         scene, speed = scenes[law], 0.3 * factor
         values = {"c_r": c_r} | ({"clearance": 1e-3 * c} if law == "Mimp" else {})
-        start = dict(scene.start) | {"v": speed, "speed": speed}
+        start = dict(scene.x0) | {"v": speed, "speed": speed}
         run = scene.solve((0, 0.01), start, parameters=values, rtol=1e-12, atol=[1e-18, 1e-15, 1e-15])
         found.append((-run["v"][-1], speed * effective_restitution(names[law], c_r)))
     return found

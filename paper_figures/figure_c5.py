@@ -40,7 +40,7 @@ def run(clearance):
 def impacts(clearance, rpm, revolutions):
     """Of every ten revolutions but the first: (99th percentile of the impacts' speeds, largest |x''|)."""
     scene = slider_crank(clearance=clearance, rpm=rpm)
-    state, found = scene.start, []
+    state, found = scene.x0, []
     for block in range(revolutions // 10 + 1):
         span = 10 * scene.period * np.array([block, block + 1])
         solution = scene.solve(tuple(span), state, rtol=1e-9, dense_output=True)

@@ -8,11 +8,9 @@ failure raises nothing: the Solution keeps what came before it, and its `outcome
 
 import importlib
 import sys
-import types
 
 _HOME = {
     "System": "system",
-    "HiddenTerm": "system",
     "Switch": "definition.primitives",
     "Disc": "definition.primitives",
     "Event": "definition.primitives",
@@ -20,48 +18,32 @@ _HOME = {
     "Unilateral": "definition.primitives",
     "Algebraic": "definition.primitives",
     "Family": "definition.families.family",
-    "Recorder": "definition.families.recording",
-    "Histogram": "definition.families.event_statistics",
-    "Activity": "definition.families.event_statistics",
-    "SlipHistogram": "definition.families.event_statistics",
     "Drive": "definition.drives",
     "Control": "definition.controls",
     "Kicks": "noise.kicks",
     "Diffusion": "noise.diffusion",
-    "ensemble": "sweep.ensemble",
-    "solve": "solve",
-    "sweep": "sweep",
-    "find_orbit": "analysis.orbits.finding",
-    "find_equilibrium": "analysis.equilibria.finding",
-    "equilibria": "analysis.equilibria.finding",
-    "follow": "analysis.continuation.branches",
-    "follow_curve": "analysis.continuation.two_parameters",
-    "manifold": "analysis.global_objects.manifolds",
-    "sliding_portrait": "analysis.global_objects.portraits",
-    "diagram": "diagrams.one_parameter",
-    "bifurcation_set": "diagrams.two_parameters",
-    "lyapunov_exponents": "analysis.lyapunov",
-    "basins": "sweep.basins",
-    "orbit_diagram": "sweep.basins",
-    "explore": "explore",
+    "solve": "solving",
     "Solution": "results.solution",
     "Outcome": "results.records",
+    "sweep": "studies.sweeping",
+    "basins": "studies.attraction",
+    "Strobe": "analysis.maps.seen",
+    "Return": "analysis.maps.seen",
+    "find_orbit": "analysis.orbits.finding",
+    "find_equilibrium": "analysis.equilibria.finding",
+    "follow": "analysis.continuation.following",
+    "diagram": "diagrams.calling",
+    "fit": "fitting.fitting",
+    "minimise": "costs.minimising",
+    "explore": "explorer.opening",
 }
 
 __all__ = [*_HOME]
 
 
 def on_first_use(package, home):
-    """`__getattr__` and `__dir__` of a package whose names stand in the modules that `home` tells.
-
-    A name stays what `home` says, also after Python has bound a submodule of that name to the package.
-    """
+    """`__getattr__` and `__dir__` of a package whose names stand in the modules that `home` tells."""
     module = sys.modules[package]
-
-    class Package(types.ModuleType):
-        def __setattr__(self, name, value):
-            if not (name in home and isinstance(value, types.ModuleType)):
-                super().__setattr__(name, value)
 
     def get(name):
         if name not in home:
@@ -72,7 +54,6 @@ def on_first_use(package, home):
         setattr(module, name, value)
         return value
 
-    module.__class__ = Package
     return get, lambda: [*vars(module), *home]
 
 

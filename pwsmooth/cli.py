@@ -169,6 +169,7 @@ def sweep(
     The file is data: it names scenes, laws, axes and measures of the package, and reading it runs nothing. An example:
 
         measures = ["sticks", "itinerary", "amplitude(y)"]
+        \[seen]
         period = "2*pi/omega"
         \[system]
         scene = "friction_oscillator"
@@ -181,14 +182,10 @@ def sweep(
     Keys of the file:
         title          what the study is called
         measures       what is kept: sticks, itinerary, period, amplitude(y), ...
-        period         of the drive, a number or a formula in parameters
-        section        without a drive: a surface, as y, from return to return of which is measured
-        direction      of the section: 1 (rising) or -1 (falling)
-        longest_return the time after which a return is given up
         transient      periods or returns that are not measured, 100 by default
         periods        periods or returns that are measured, 20 by default
-        t_span         without a drive: start and end, as \[0, 50]
-        measure_from   without a drive: the time at which measuring begins
+        t_span         without \[seen]: start and end, as \[0, 50]
+        measure_from   without \[seen]: the time at which measuring begins
         rtol, atol     tolerances
         method         of solve
         max_steps      bound on the steps of an orbit
@@ -197,15 +194,19 @@ def sweep(
         \[system]      scene and law, or object (see --allow-code); law_parameters,
                       arguments of the scene, parameters; a view, as
                       layered = { z = inf } or smoothed = { eps = 1e-3 }
+        \[seen]        of a driven system: period, a number or a formula in parameters;
+                      phase, the part of it at which runs begin. Of an autonomous
+                      one: section, a surface, as "y"; direction, 1 (rising) or -1;
+                      longest, the time after which a return is given up
         \[axes]        parameters or states: lists, or { from, to, count } with
                       spacing = "linear" or "log"
         \[points]      lists of one length that are swept together
-        \[start]       initial values of states
+        \[x0]          initial values of states
         \[units]       of parameters and states, as words
         \[kicks]       arguments of Kicks: size, every, on, ...
     """
     with _in_words("sweep", "interrupted; finished chunks are kept, --resume goes on."), _telling(out):
-        from pwsmooth.sweep.study import run_study
+        from pwsmooth.studies.study import run_study
 
         data, store = run_study(study, out, resume, workers, allow_code=allow_code)
     names = dict(zip(data.outcome.attrs["flag_values"], data.outcome.attrs["flag_meanings"].split()))
@@ -213,13 +214,13 @@ def sweep(
     told = ", ".join(f"{codes.count(code)} {names[code].replace('_', ' ')}" for code in sorted(set(codes)))
     size = data.outcome.size
     typer.echo(
-        f"{size} point{'s' * (size != 1)}: {told}; {store}\nIn Python: pwsmooth.sweep.read_store({str(store)!r})"
+        f"{size} point{'s' * (size != 1)}: {told}; {store}\nIn Python: pwsmooth.studies.read_store({str(store)!r})"
     )
 
 
 @command()
 def diagram(
-    study: Annotated[Path, typer.Argument(help="TOML file: system, ranges, starts.")],
+    study: Annotated[Path, typer.Argument(help="TOML file: system, over, x0.")],
     out: Annotated[
         Path, typer.Option(help="Directory for the store, <STUDY>.zarr, and the picture, <STUDY>.png.")
     ] = Path("."),
@@ -231,50 +232,47 @@ def diagram(
 ) -> None:
     r"""All branches over a parameter, or all curves over two, into a Zarr store that survives any kill.
 
-    One parameter in the ranges gives a diagram, two give a bifurcation set. The file is data, as that of a sweep:
+    One parameter in \[over] gives a diagram, two give a bifurcation set. The file is data, as that of a sweep:
 
-        period = "2*pi/omega"
-        starts = \[{ y = 0.5, v = 0.3 }, { y = -1, v = 1 }]
+        x0 = \[{ y = 0.5, v = 0.3 }, { y = -1, v = 1 }]
         \[system]
         scene = "friction_oscillator"
         law = "HiddenStatic"
         layered = { z = inf }
-        \[ranges]
+        \[over]
         omega = \[0.4, 3]
         amplitude = \[0.5, 5]
         \[lines]
         omega = \[0.6, 1, 2]
-        \[symmetry]
-        y = "-y"
-        v = "-v"
+        \[seen]
+        period = "2*pi/omega"
+        symmetry = { y = "-y", v = "-v" }
 
     Keys of the file:
         title          what the study is called
-        starts         list of tables: where trajectories start
-        period         of the drive, a number or a formula in parameters
-        section        without a drive: a surface, as y; direction, longest_return
-        phase          part of the period at which orbits are seen
-        values         of a parameter in the orbit diagram; transient, keep: periods
-        longest        longest orbit, in periods
-        depth, most    of branches on branches, and their number
-        points, curves points of a branch, and the number of curves
-        step, longest_step, shortest_step   of the arc of a branch
+        x0             list of tables: where trajectories start
+        values         of a parameter in the orbit diagram
+        transient, tol periods before an end counts, and how nearly it repeats
+        max_count      longest orbit, in periods
+        max_depth      of branches on branches on branches
+        max_branches   number of branches, and of curves
         virtual        whether virtual equilibria and curves are followed
         rtol, atol, method, max_steps   of solve
 
     Its tables:
         \[system]      as of `pwsmooth sweep`: scene and law, or object
-        \[ranges]      one or two parameters: \[least, largest]
+        \[over]        one or two parameters: \[least, largest]
+        \[steps]       along a branch: first, longest, shortest, max_points
         \[lines]       of two: values at which either is held
-        \[symmetry]    images of states under (x, t) -> (G x, t + T/2)
+        \[seen]        as of `pwsmooth sweep`; with a period also symmetry, images of
+                      states under (x, t) -> (G x, t + T/2)
         \[box]         states: \[least, largest], where equilibria are looked for
     """
     with _in_words("diagram", "interrupted; finished branches are kept, --resume goes on."), _telling(out):
         from pwsmooth.diagrams.study import run_study
 
         found, store = run_study(study, out, resume, workers, allow_code=allow_code)
-    reader = "read_diagram" if type(found).__name__ == "Diagram" else "read_set"
-    typer.echo(f"{found}\n{store}\nIn Python: pwsmooth.diagrams.{reader}({str(store)!r})")
+    typer.echo(f"{found}\n{store}\nIn Python: pwsmooth.diagrams.read_diagram({str(store)!r})")
 
 
 @command()
@@ -308,7 +306,7 @@ def explore(
     pip install websockets, or in a checkout pip install -e '.\\[explore]'.
     """
     with _in_words("explore"):
-        from pwsmooth.explore import opening
+        from pwsmooth.explorer import opening
 
         if list_only:
             typer.echo(opening.listing())

@@ -452,7 +452,7 @@ def colours(b: Browser, shots: Path | None) -> None:
 def style(b: Browser, shots: Path | None) -> None:
     """A browser reads the rules of the style sheet as they are written, not those of a file that was cut too short."""
     source = (
-        importlib.resources.files("pwsmooth.explore")
+        importlib.resources.files("pwsmooth.explorer")
         .joinpath("static", "style.css")
         .read_text(encoding="utf-8")
     )
@@ -672,58 +672,58 @@ def check(executable: str, only: str = "", shots: Path | None = None) -> list[st
 
 
 # One fault each: file, what stands there, what takes its place, and the test (Python) or look (browser) that must find it.
-JS = "explore/static/explorer.js"
+JS = "explorer/static/explorer.js"
 FAULTS: dict[str, tuple[str, str, str, str]] = {
     "a late answer is drawn": (JS, "if (header.seq < this.drawnSeq) return;", "", "sliders"),
     "frames of a job that was stopped are drawn": (
         JS, "this.views.find((v) => v.id === header.job)", "this.of(kind)", "gestures",
     ),
     "sticking is shaded late": (
-        "explore/live.py", "[s.start, s.end, int(n)]", "[s.start + 0.05, s.end, int(n)]", "test_what_is_drawn",
+        "explorer/live.py", "[s.start, s.end, int(n)]", "[s.start + 0.05, s.end, int(n)]", "test_what_is_drawn",
     ),
     "left and right exchange colours": (JS, "this.tone(c.right), \"-1\": this.tone(c.left)",
                                         "this.tone(c.left), \"-1\": this.tone(c.right)", "colours"),
     "Origin is not looked at": (
-        "explore/server.py", 'if origin == [f"http://{host[0]}"]:', "if True:", "test_the_server_answers",
+        "explorer/server.py", 'if origin == [f"http://{host[0]}"]:', "if True:", "test_the_server_answers",
     ),
     "a part of the token is enough": (
-        "explore/server.py", "token.encode(), self.token.encode())", "token.encode(), self.token.encode()[: len(token)])", "test_another_token",
+        "explorer/server.py", "token.encode(), self.token.encode())", "token.encode(), self.token.encode()[: len(token)])", "test_another_token",
     ),
     "a script of another host": (
-        "explore/static/index.html", "<div", "<script src='https://cdn.invalid/x.js'></script><div", "sliders",
+        "explorer/static/index.html", "<div", "<script src='https://cdn.invalid/x.js'></script><div", "sliders",
     ),
     "the script lacks a parameter": (
-        "explore/code.py", "if v != _own(subject, n)}", "if v != _own(subject, n) and n != 'spring'}", "test_the_script",
+        "explorer/code.py", "if v != _own(subject, n)}", "if v != _own(subject, n) and n != 'spring'}", "test_the_script",
     ),
     "the sampler cuts degrees": (
         "results/records.py", "    return (coefficients * ends", "    coefficients = coefficients[..., :8]\n"
         "    powers = np.arange(coefficients.shape[2])\n    return (coefficients * ends", "test_what_is_drawn",
     ),
     "the last column is never computed": (
-        "explore/maps.py", "spread(plan.shape).tolist()", ""
+        "explorer/maps.py", "spread(plan.shape).tolist()", ""
         "np.setdiff1d(spread(plan.shape), [plan.size - 1])", "test_a_finished_diagram",
     ),
     "rows of the basins are mirrored": (
-        "explore/maps.py", '"cell": (row * n + column)', '"cell": ((n - 1 - row) * n + column)', "test_finished_basins",
+        "explorer/maps.py", '"cell": (row * n + column)', '"cell": ((n - 1 - row) * n + column)', "test_finished_basins",
     ),
     "a run that failed is shown as a success": (
-        "explore/live.py", '"ok": solution.success', '"ok": True', "test_a_run_that_stops",
+        "explorer/live.py", '"ok": solution.success', '"ok": True', "test_a_run_that_stops",
     ),
     "a listener for each rebuild": (
         JS, "    this.fields = {};\n", '    this.fields = {};\n    document.addEventListener("keyup", () => this.fields);\n',
         "sliders",
     ),
     "processes outlive their tab": (
-        "explore/processes.py", "        self.over = True\n        for process in (self.live, self.maps):",
+        "explorer/processes.py", "        self.over = True\n        for process in (self.live, self.maps):",
         "        self.over = True\n        for process in ():", "ending",
     ),
     "wider than a phone": (
-        "explore/static/style.css", ".work { display: block; }", ".work { display: block; width: 500px; }", "views",
+        "explorer/static/style.css", ".work { display: block; }", ".work { display: block; width: 500px; }", "views",
     ),
-    "a rule is read as another": ("explore/static/style.css", "  .ends *:first", "  .ends :first", "style"),
+    "a rule is read as another": ("explorer/static/style.css", "  .ends *:first", "  .ends :first", "style"),
     "another law loses the mechanism's numbers": (JS, "{ ...this.state, ...part, kind:", "{ ...part, kind:", "models"),
     "a comma is left out": (
-        "explore/static/views.js", '.replace(/^([^.,]*),([^.,]*)$/, "$1.$2")', '.replace(",", "")', "fields",
+        "explorer/static/views.js", '.replace(/^([^.,]*),([^.,]*)$/, "$1.$2")', '.replace(",", "")', "fields",
     ),
     "letters have no word": (JS, "if (field.odd) return this.mark(this.fields[key], this.scene.words.number);",
                              "if (field.odd) return;", "fields"),
@@ -731,17 +731,17 @@ FAULTS: dict[str, tuple[str, str, str, str]] = {
                                   "if (number.odd) return (number.value = plain(pair[k]));", "fields"),
     "notices stay": (JS, 'if (this.refused) this.tell("");', "", "fields"),
     "the ends of sliders come and go": (
-        "explore/static/style.css", ".ends { display: flex; visibility: hidden; }\n  .slider:is(:hover, :focus-within) "
+        "explorer/static/style.css", ".ends { display: flex; visibility: hidden; }\n  .slider:is(:hover, :focus-within) "
         ".ends { visibility: visible; }", ".ends { display: none; }\n  .slider:is(:hover, :focus-within) .ends { display: "
         "flex; }", "fields",
     ),
-    "the mechanism stays a speck": ("explore/static/views.js", "> 3 * wide(reach)", "> Infinity * wide(reach)", "fields"),
+    "the mechanism stays a speck": ("explorer/static/views.js", "> 3 * wide(reach)", "> Infinity * wide(reach)", "fields"),
     "an empty diagram has no word": (
-        "explore/static/views.js", "first.hidden = !!(job?.header || scene.alone)", "first.hidden = true", "fields",
+        "explorer/static/views.js", "first.hidden = !!(job?.header || scene.alone)", "first.hidden = true", "fields",
     ),
     "a dead page looks alive": (JS, "part.inert = true", "part", "ending"),
-    "the script runs again": ("explore/processes.py", "if any(argument", "if True or any(argument", "test_a_script_without"),
-    "a page that only looks is heard": ("explore/processes.py", "if self.subject.read_only:", "if False:", "models"),
+    "the script runs again": ("explorer/processes.py", "if any(argument", "if True or any(argument", "test_a_script_without"),
+    "a page that only looks is heard": ("explorer/processes.py", "if self.subject.read_only:", "if False:", "models"),
 }  # fmt: skip
 
 

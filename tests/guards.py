@@ -16,7 +16,7 @@ from pathlib import Path
 # What no test runs, and why.
 UNGUARDED = {
     "costs/for_torch.py": "torch is not installed for the tests; `for_jax.py` beside it has its tests",
-    "compare/work_precision/peers/": "the peers are not installed for the tests; experiments/bench_*.py run them",
+    "compare/efficiency/peers/": "the peers are not installed for the tests; experiments/bench_*.py run them",
 }
 TESTS = Path(__file__).resolve().parent
 PACKAGE = TESTS.parent / "pwsmooth"

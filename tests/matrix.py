@@ -1,6 +1,6 @@
 """One wheel under the declared lowest (or the newest) versions on every Python, by hand:
 
-    python tests/matrix.py [--newest] [--python 3.11 ...] [--wheel FILE] [--tests tests/sweep/test_sweep.py ...]
+    python tests/matrix.py [--newest] [--python 3.11 ...] [--wheel FILE] [--tests tests/studies/test_sweep.py ...]
 
 The wheel is built once, from the sdist and with this Python. For each Python that is found: a fresh environment with
 the lowest versions that pyproject.toml allows (`uv pip install --resolution lowest-direct`), the wheel, its commands
@@ -28,10 +28,10 @@ TESTS = (
     "paths/test_exact_switching",
     "paths/test_smooth_path",
     "laws/test_contact_laws",
-    "sweep/test_sweep",
+    "studies/test_sweep",
     "house/test_docs",
 )
-STORES = "tests/sweep/test_sweep_store.py::test_a_finished_store_is_read_and_opens_in_xarray"
+STORES = "tests/studies/test_sweep_store.py::test_a_finished_store_is_read_and_opens_in_xarray"
 FIRST = """
 import time
 begin = time.perf_counter(), time.process_time()

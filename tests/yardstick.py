@@ -48,8 +48,20 @@ def cases():
     import numpy as np
     import sympy as sp
 
-    from pwsmooth import Diffusion, Event, Kicks, Memory, Switch, System, Unilateral, find_orbit, solve, sweep
-    from pwsmooth.compare.work_precision.cases import CASES
+    from pwsmooth import (
+        Diffusion,
+        Event,
+        Kicks,
+        Memory,
+        Strobe,
+        Switch,
+        System,
+        Unilateral,
+        find_orbit,
+        solve,
+        sweep,
+    )
+    from pwsmooth.compare.efficiency.cases import CASES
     from pwsmooth.laws import contact, friction
     from pwsmooth.scenes import block_on_belt, falling_ball, impact_oscillator, prescribed_motion
 
@@ -67,7 +79,7 @@ def cases():
                     run(
                         case.system,
                         span,
-                        case.start,
+                        case.x0,
                         method=method,
                         rtol=rtol,
                         atol=rtol / 1000,
@@ -76,7 +88,7 @@ def cases():
                 )
     lugre = CASES["lugre"]
     for rtol in TOLERANCES:
-        yield f"lugre stiff {rtol:g}", run(lugre.system, (0, 6), lugre.start, method="stiff", rtol=rtol)
+        yield f"lugre stiff {rtol:g}", run(lugre.system, (0, 6), lugre.x0, method="stiff", rtol=rtol)
     lam, A, B = (
         Switch("lam", v),
         Unilateral(x, restitution=sp.Rational(1, 2), name="A"),
@@ -154,10 +166,10 @@ def cases():
     ):
         law = getattr(friction, name)
         for scene in (block_on_belt(law()), prescribed_motion(law(), velocity=sp.cos(t))):
-            yield f"{name}: {scene.name}", run(scene.system, scene.t_span, scene.start)
+            yield f"{name}: {scene.name}", run(scene.system, scene.t_span, scene.x0)
     for law in (contact.RigidImpact(), contact.Hertz(), contact.HuntCrossley(), contact.ResidualIndentation()):
         for scene in (impact_oscillator(law), falling_ball(law)):
-            yield f"{type(law).__name__}: {scene.name}", run(scene.system, scene.t_span, scene.start)
+            yield f"{type(law).__name__}: {scene.name}", run(scene.system, scene.t_span, scene.x0)
     sigma = sp.Symbol("sigma", positive=True)
     block = System(
         {y: v, v: -sigma * sp.sin(t) - 3.1 * y - v / 10 - lam * (4 - 3 * lam**2)},
@@ -167,14 +179,19 @@ def cases():
 
     def swept():
         data = sweep(
-            block, {"sigma": np.linspace(1, 4, 13)}, start=[0.5, 0.3], period=2 * sp.pi, transient=3, periods=4
+            block,
+            {"sigma": np.linspace(1, 4, 13)},
+            x0=[0.5, 0.3],
+            seen=Strobe(2 * sp.pi),
+            transient=3,
+            periods=4,
         )
         return {name: data[name].values for name in data.variables}
 
     yield "sweep", swept
 
     def orbit():
-        found = find_orbit(block, [0.5, 0.3], period=2 * sp.pi, transient=20)
+        found = find_orbit(block, [0.5, 0.3], seen=Strobe(2 * sp.pi), transient=20)
         return {"x": np.asarray(found.x), "multipliers": np.asarray(found.multipliers), "period": found.period}
 
     yield "orbit", orbit

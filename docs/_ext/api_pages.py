@@ -23,7 +23,7 @@ GROUPS = {
     "Analysis": ("pwsmooth.analysis",),
     "Laws": ("pwsmooth.laws",),
     "Scenes": ("pwsmooth.scenes",),
-    "Sweeps and fits": ("pwsmooth.sweep", "pwsmooth.fit"),
+    "Sweeps and fits": ("pwsmooth.studies", "pwsmooth.fitting"),
     "Comparisons": ("pwsmooth.compare",),
     "Charts": ("pwsmooth.plotting",),
 }
@@ -45,9 +45,7 @@ def _title(text: str, line: str) -> str:
 
 
 def _module_page(module: str, names: dict[str, object]) -> str:
-    # pwsmooth.sweep is a module and, as an attribute of pwsmooth, the function: references mean the function.
-    twice = "   :no-index:\n" if module in public_names() else ""
-    parts = [_title(module, "="), f".. automodule:: {module}\n{twice}", f".. currentmodule:: {module}\n"]
+    parts = [_title(module, "="), f".. automodule:: {module}\n", f".. currentmodule:: {module}\n"]
     parts.append(_table(module, names))
     if module == FRONT:
         parts.append(".. toctree::\n   :hidden:\n\n" + "".join(f"   {module}/{name}\n" for name in names))

@@ -58,8 +58,8 @@ class Explorer(SphinxDirective):
 
 def made(preset: str, over: dict[str, Any], views: Any, diagram: bool) -> str:
     """The file's text."""
-    from pwsmooth.explore.export import standalone
-    from pwsmooth.explore.presets import subject_of_preset
+    from pwsmooth.explorer.export import standalone
+    from pwsmooth.explorer.presets import subject_of_preset
 
     return standalone(subject_of_preset(preset), over, views=views, diagram=diagram)
 

@@ -1,6 +1,6 @@
 """Pages of the sources (viewcode) without their links back, some of which viewcode makes wrong.
 
-`pwsmooth.basins` is documented there and lives in `pwsmooth.sweep.basins`: viewcode writes one prefix for all
+`pwsmooth.basins` is documented there and lives in `pwsmooth.studies.attraction`: viewcode writes one prefix for all
 names of a module. The links from the reference to the source are right and stay.
 """
 

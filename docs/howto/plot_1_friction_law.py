@@ -90,7 +90,7 @@ for share in (0.97, 1.0, 1.03):
     k = share * k_c
     scene = block_on_belt(friction, k=k, pull=V, m=m, t_span=(0, 120))
     steady = friction.steady_force(V) / k
-    start = {**scene.start, "elongation": 1.01 * steady, "v": V}
+    start = {**scene.x0, "elongation": 1.01 * steady, "v": V}
     sol = scene.solve(x0=start, t_eval=times)
     ax.plot(times, sol["v"], label=f"k = {share:g} k_c")
     # sphinx_gallery_start_ignore

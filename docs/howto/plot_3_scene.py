@@ -53,14 +53,14 @@ def pendulum(
         {phi: w, w: torque / (m * length**2)},
         pieces,
         time=t,
-        start={phi: angle, w: 0.0},
+        x0={phi: angle, w: 0.0},
         parameters={m: mass, g: 9.81, length: arm, radius: bearing},
         outputs={"friction": pieces.force, "energy": energy},
     )
     return Scene(
         name=f"pendulum, {type(law).__name__}",
         system=system,
-        start=start,
+        x0=start,
         t_span=t_span,
         observables={
             "phi": "phi",
@@ -118,7 +118,7 @@ assert abs(lost - 0.1 * 8.0 * swept) < 1e-9
 # %%
 # From here on it is a scene like the others: ``sweep`` takes it with its start and units.
 from pwsmooth import sweep
-from pwsmooth.sweep import Function
+from pwsmooth.studies import Function
 
 
 def rest_angle(solution):

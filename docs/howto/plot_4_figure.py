@@ -29,7 +29,7 @@ import numpy as np
 import sympy as sp
 
 from paper_figures.claims import Claim
-from pwsmooth import System, find_orbit
+from pwsmooth import Strobe, System, find_orbit
 from pwsmooth.plotting import COLOUR, new_figure
 
 NAME = "den-hartog"
@@ -60,8 +60,7 @@ def computed(omega):
     orbit = find_orbit(
         dry.with_parameters({w: omega}),
         {x: 1, v: 0.5},
-        period=2 * sp.pi / w,
-        symmetry={x: -x, v: -v},
+        seen=Strobe(2 * sp.pi / w, symmetry={x: -x, v: -v}),
         transient=30,
     )
     return np.abs(orbit.solution()["x"]).max()

@@ -17,7 +17,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 
-from pwsmooth import Diffusion, Kicks, Switch, System, ensemble, solve
+from pwsmooth import Diffusion, Kicks, Switch, System, solve
+from pwsmooth.studies import ensemble
 
 t, y, v, z, F = sp.symbols("t y v z F", real=True)
 rho, beta = sp.symbols("rho beta", nonnegative=True)

@@ -20,8 +20,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 
-from pwsmooth import Switch, System, sweep
-from pwsmooth.sweep import read_store
+from pwsmooth import Strobe, Switch, System, sweep
+from pwsmooth.studies import Work, read_store
 
 t, y, v = sp.symbols("t y v", real=True)
 k, sigma, rho = sp.symbols("k sigma rho", nonnegative=True)
@@ -39,8 +39,8 @@ block = System(
 )
 axes = {"sigma": np.linspace(1.6, 4, 33), "k": np.linspace(1.5, 5, 25)}
 study = dict(
-    start={"y": 0.78, "v": -1.03},
-    period=2 * sp.pi,
+    x0={"y": 0.78, "v": -1.03},
+    seen=Strobe(2 * sp.pi),
     transient=40,
     periods=5,
     measures=["sticks", "itinerary", "amplitude(y)"],
@@ -88,7 +88,7 @@ assert (found.outcome >= 0).all() and counts.max() > 0.4 * found.outcome.size
 # %%
 # Measures of your own are functions of the :class:`~pwsmooth.Solution`; they run point by
 # point, in Python.
-from pwsmooth.sweep import Function
+from pwsmooth.studies import Function
 
 
 def longest_stick(solution, window):
@@ -109,7 +109,7 @@ print(few.longest.to_series().to_string())
 # %%
 # A store that survives
 # ---------------------
-# With ``store=`` every chunk is written as it finishes. A sweep that was killed goes on where
+# With ``work=Work(store=...)`` every chunk is written as it finishes. A sweep that was killed goes on where
 # it was, and ends with the bits of an undisturbed one. Here it is interrupted after eight
 # chunks, as by Ctrl-C.
 from concurrent.futures import ThreadPoolExecutor
@@ -130,10 +130,10 @@ class Interrupted(ThreadPoolExecutor):
 
 
 store = Path(tempfile.mkdtemp()) / "map.zarr"
-study["store"] = store
 with Interrupted(2) as pool:
     try:
-        sweep(block, axes, executor=pool, chunk=40, **study)
+        work = Work(executor=pool, chunk=40, store=store)
+        sweep(block, axes, work=work, **study)
     except KeyboardInterrupt:
         half = xarray.open_zarr(store, consolidated=False)
         missing = int((half.outcome == -128).sum())
@@ -141,7 +141,7 @@ with Interrupted(2) as pool:
             f"interrupted: {missing} of {half.outcome.size} points have not run"
         )
 
-resumed = sweep(block, axes, **study)
+resumed = sweep(block, axes, work=Work(store=store), **study)
 print("resumed; identical to the undisturbed run:", resumed.identical(found))
 # sphinx_gallery_start_ignore
 # What the text says, checked.
@@ -166,7 +166,8 @@ import numpy as np
 import sympy as sp
 from dask.distributed import Client, LocalCluster
 
-from pwsmooth import Switch, System, sweep
+from pwsmooth import Strobe, Switch, System, sweep
+from pwsmooth.studies import Work
 
 t, y, v = sp.symbols("t y v", real=True)
 k, sigma, rho = sp.symbols("k sigma rho", nonnegative=True)
@@ -184,14 +185,13 @@ if __name__ == "__main__":
             sweep(
                 block,
                 {"sigma": np.linspace(1.6, 4, 33), "k": np.linspace(1.5, 5, 25)},
-                start={"y": 0.78, "v": -1.03},
-                period=2 * sp.pi,
+                x0={"y": 0.78, "v": -1.03},
+                seen=Strobe(2 * sp.pi),
                 transient=40,
                 periods=5,
                 measures=["sticks", "itinerary", "amplitude(y)"],
                 units={"k": "N/m", "sigma": "N", "y": "m"},
-                executor=client.get_executor(),
-                store=sys.argv[1],
+                work=Work(executor=client.get_executor(), store=sys.argv[1]),
             )
 """
 script, store = store.with_name("study.py"), store.with_name("cluster.zarr")

@@ -19,7 +19,7 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 
 from pwsmooth.compare import METHODS, work_precision
-from pwsmooth.compare.work_precision.charts import plot_work
+from pwsmooth.compare.efficiency.charts import plot_work
 
 chosen = {
     "event-driven": (1e-6, 1e-9, 1e-12),

@@ -16,13 +16,13 @@ that the answer can be checked.
 # %%
 # A record
 # --------
-# :class:`~pwsmooth.fit.Record` holds times, samples by the name of a state or output (nan where one is missing),
+# :class:`~pwsmooth.fitting.Record` holds times, samples by the name of a state or output (nan where one is missing),
 # their noise, and what is known of the beginning: numbers, or the names of states whose initial value is fitted
 # as well.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from pwsmooth.fit import Record, compare, fit
+from pwsmooth.fitting import Record, compare, fit
 from pwsmooth.laws.friction import Coulomb, HiddenStatic
 from pwsmooth.scenes import friction_oscillator
 
@@ -91,4 +91,4 @@ compare({"hidden static": found, "Coulomb": plain})
 #   and measure another state.
 # * ``found.problems`` lists instants of the runs without a derivative, such as a grazing contact. There the
 #   deviation is taken on as it came: the fit goes on, and errors are a little less trustworthy.
-# * A law under a prescribed motion has a shorter way, :func:`~pwsmooth.fit.fit_law`.
+# * A law under a prescribed motion has a shorter way, :func:`~pwsmooth.fitting.fit_law`.

@@ -96,7 +96,7 @@ plt.show()
 # When it does not go well
 # ------------------------
 # * ``success`` and ``message`` say how the search ended; Ctrl-C ends it too, with the best until then.
-# * The minimum is a local one. Begin elsewhere, with ``over={"u_0": 2, ...}``, or give ``bounds``.
+# * The minimum is a local one. Begin elsewhere, with ``by={"u_0": 2, ...}``, or give ``bounds``.
 # * ``refused`` counts points that had no derivative, such as a grazing, or no cost, such as an event that does not
 #   happen; the search goes on beside them, and ``problem`` says what the first was.
 # * A constraint that a stuck block fulfils has no slope there: ``final(v) = 0`` says nothing about how to come to rest.

@@ -3,11 +3,11 @@
     q_k+1 r_k = F_k q_k     (QR decompositions),     exponent_i = lim sum_k log|r_k,ii| / time
 
 with the factors F of the fundamental matrix, steps and what the instants do (P. C. Mueller, Chaos, Solitons &
-Fractals, 1995): along the tape of an event-driven run (tangents.py), else those of variations.py. A stick
+Fractals, 1995): along the tape of an event-driven run (tangents.py), else those of first_order.py. A stick
 annihilates a direction: its exponent is -inf, and that is the truth. On a periodic orbit the exponents are
 log|multiplier|/period.
 
-Chain: variations.py -> **lyapunov**.
+Chain: first_order.py -> **lyapunov**.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from ..paths.derivatives.tangents import Tape
 from ..paths.words import meets_several
 from ..results.records import Outcome
 from ..results.solution import Solution
-from ..solve import behind_the_door, taped_run
+from ..solving import behind_the_door, taped_run
+from .maps.first_order import factors, has_series, without_derivative
 from .maps.scales import scale_at
-from .maps.variations import factors, has_series, without_derivative
 
 __all__ = ["LyapunovExponents", "largest_exponent", "lyapunov_exponents"]
 

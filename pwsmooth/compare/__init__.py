@@ -3,14 +3,14 @@
 from .. import on_first_use
 
 _HOME = {
-    "CASES": "work_precision.cases",
-    "Case": "work_precision.case",
-    "case_of": "work_precision.case",
-    "METHODS": "work_precision.methods",
-    "Method": "work_precision.methods",
-    "Point": "work_precision.points",
-    "WorkPrecision": "work_precision.points",
-    "work_precision": "work_precision.measuring",
+    "CASES": "efficiency.cases",
+    "Case": "efficiency.case",
+    "case_of": "efficiency.case",
+    "METHODS": "efficiency.methods",
+    "Method": "efficiency.methods",
+    "Point": "efficiency.points",
+    "WorkPrecision": "efficiency.points",
+    "work_precision": "efficiency.measuring",
     "ladder": "ladders",
     "stability": "hazards",
 }

@@ -61,7 +61,7 @@ def minimise(
     cost: Any,
     t_span: Sequence[float],
     x0: Any,
-    over: Sequence[Any] | Mapping[Any, float],
+    by: Sequence[Any] | Mapping[Any, float],
     *,
     bounds: Mapping[Any, tuple[float, float]] | None = None,
     constraints: Sequence[Any] = (),
@@ -78,7 +78,7 @@ def minimise(
     ----------
     cost : Expr
         Of quantities of a run (`integral`, `final`, `event_time`, ...) and of parameters.
-    over : sequence of (str, Symbol or Control), or mapping of (str or Symbol) to float, in their units
+    by : sequence of (str, Symbol or Control), or mapping of (str or Symbol) to float, in their units
         The unknowns: parameters, states and memories (their initial values), "t0"; a Control stands for its
         coefficients and its movable times, the name of a family for all elements. With a mapping, first guesses; else
         they begin at the system's values and at `x0`.
@@ -128,7 +128,7 @@ def minimise(
     """
     system = checks.system(system, "`system`")._written_out()
     span = checks.span(t_span)
-    names, guesses = _unknowns(system, over)
+    names, guesses = _unknowns(system, by)
     relations = _relations(constraints)
     costs = {"`cost`": cost} | {f"`constraints`, {label},": side for label, side, _ in relations}
     objective = Objective._of_several(system, costs, span, x0, names, **options)
@@ -143,7 +143,7 @@ def minimise(
     for name, value, (low, high) in zip(names, q, box):
         if not low <= value <= high:
             raise ValueError(
-                f"`over` begins with {name} = {value:g}, outside of its bounds ({low:g}, {high:g}); give another first "
+                f"`by` begins with {name} = {value:g}, outside of its bounds ({low:g}, {high:g}); give another first "
                 "guess, or other `bounds`."
             )
     spent = _Budget(max_evaluations, max_seconds)
@@ -168,26 +168,26 @@ def minimise(
 # ---- what was asked, at the door
 
 
-def _unknowns(system: Any, over: Any) -> tuple[list[str], dict[str, float]]:
+def _unknowns(system: Any, by: Any) -> tuple[list[str], dict[str, float]]:
     """Names of all unknowns, those of controls and families written out, and their first guesses where given."""
-    wanted = over if isinstance(over, Mapping) else checks.several(over, "`over`")
-    names = [member for key in wanted for member in _members(system, key, "`over`", times=True)]
+    wanted = by if isinstance(by, Mapping) else checks.several(by, "`by`")
+    names = [member for key in wanted for member in _members(system, key, "`by`", times=True)]
     if not names:
-        raise ValueError("`over` is empty; name at least one parameter, initial value or Control.")
+        raise ValueError("`by` is empty; name at least one parameter, initial value or Control.")
     known = {p.name for p in system.parameters} | {str(s) for s in system.states} | {START_TIME}
     if strange := [name for name in names if name not in known]:
         raise ValueError(
-            f"`over` names {checks.shown(strange[0])}, which is nothing that can be varied; give parameters, states "
+            f"`by` names {checks.shown(strange[0])}, which is nothing that can be varied; give parameters, states "
             f"(their initial values), controls or {START_TIME!r}."
         )
     if len(set(names)) < len(names):
-        raise ValueError(f"`over` names something twice: {', '.join(names)}.")
-    if not isinstance(over, Mapping):
+        raise ValueError(f"`by` names something twice: {', '.join(names)}.")
+    if not isinstance(by, Mapping):
         return names, {}
     guesses = {
-        member: checks.number(value, f"`over`, first guess of {key}")
-        for key, value in over.items()
-        for member in _members(system, key, "`over`", times=False)
+        member: checks.number(value, f"`by`, first guess of {key}")
+        for key, value in by.items()
+        for member in _members(system, key, "`by`", times=False)
     }
     return names, guesses
 
@@ -233,7 +233,7 @@ def _box(system: Any, names: list[str], q: np.ndarray, bounds: Mapping[Any, Any]
         for member in _members(system, key, "`bounds`", times=False):
             if member not in names:
                 raise ValueError(
-                    f"`bounds` names {checks.shown(member)}, which is no unknown; `over` has {', '.join(names)}."
+                    f"`bounds` names {checks.shown(member)}, which is no unknown; `by` has {', '.join(names)}."
                 )
             given[member] = checks.interval(pair, f"`bounds` of {key}")
     symbols = {s.name: s for s in (*system.states, *system.parameters)}
@@ -273,7 +273,7 @@ def _order(
             elif len(unknown):
                 if a @ q < low:
                     raise ValueError(
-                        f"`over` begins with {begin} and {end} of Control {u.name!r} nearer than its `shortest`, "
+                        f"`by` begins with {begin} and {end} of Control {u.name!r} nearer than its `shortest`, "
                         f"{u.shortest:g}; give other first guesses."
                     )
                 rows.append((a, low))
@@ -346,7 +346,7 @@ class _Search:
         point = self.at(self.first)
         if not point.real:
             raise ValueError(
-                f"the run from `x0` and the first guesses of `over` gives no cost. {self.problem} Give others."
+                f"the run from `x0` and the first guesses of `by` gives no cost. {self.problem} Give others."
             )
         slope = float(np.abs(point.gradient).max())
         self.scale = max(slope, 1e-3 * abs(point.cost)) or 1.0

@@ -15,7 +15,7 @@ from ..door import checks
 from ..door.describe import Described, Rows, values
 from ..door.documenting import complete
 from ..paths.derivatives.of_solution import NoDerivative
-from ..solve import solve
+from ..solving import solve
 
 HELD = 1e-7  # violation up to which a constraint counts as held
 

@@ -14,7 +14,7 @@ from ..paths.budget import MOST_STEPS, opened
 from ..paths.call import Scratch
 from ..paths.derivatives.quantities import Quantities, quantities
 from ..paths.event_driven import Checkpoint, EventDriven
-from ..solve import solve, taped_run
+from ..solving import solve, taped_run
 from .quantities import Quantity
 from .reading import Asked, Gradient, Parts, gradients, read
 
@@ -59,22 +59,22 @@ class Objective:
 
     @checks.door((*calls.RUNS, "noise", "parameters"))
     def __init__(
-        self, system: Any, cost: Any, t_span: Sequence[float], x0: Any, with_respect_to: Sequence[Any], **options: Any
+        self, system: Any, cost: Any, t_span: Sequence[float], x0: Any, by: Sequence[Any], **options: Any
     ) -> None:  # fmt: skip
-        self._prepare(system, {"`cost`": cost}, t_span, x0, with_respect_to, options)
+        self._prepare(system, {"`cost`": cost}, t_span, x0, by, options)
 
     @classmethod
     def _of_several(
-        cls, system: Any, costs: Mapping[str, Any], t_span: Sequence[float], x0: Any, with_respect_to: Sequence[Any],
+        cls, system: Any, costs: Mapping[str, Any], t_span: Sequence[float], x0: Any, by: Sequence[Any],
         **options: Any,
     ) -> Objective:  # fmt: skip
         """Of costs that share a run, by what they are called; `_each` gives them all."""
         self = cls.__new__(cls)
-        self._prepare(system, costs, t_span, x0, with_respect_to, options)
+        self._prepare(system, costs, t_span, x0, by, options)
         return self
 
     def _prepare(
-        self, system: Any, costs: Mapping[str, Any], t_span: Any, x0: Any, with_respect_to: Any, options: dict[str, Any]
+        self, system: Any, costs: Mapping[str, Any], t_span: Any, x0: Any, by: Any, options: dict[str, Any]
     ) -> None:  # fmt: skip
         checks.system(system, "`system`")
         kept = system._cache.setdefault("objectives", Scratch())
@@ -83,7 +83,7 @@ class Objective:
             system = system.with_parameters(options.pop("parameters"))
         costs = {what: checks.expression(cost, what) for what, cost in costs.items()}
         self._span = checks.span(t_span)
-        wanted = quantities(system, with_respect_to)
+        wanted = quantities(system, by)
         key = *costs.items(), wanted
         if key not in kept:
             if len(kept) == _KEPT:
@@ -119,7 +119,7 @@ class Objective:
         """
         parameters, span, x0 = self._given(q)
         return solve(
-            self._system, span, x0, parameters=parameters, with_respect_to=self.names, dense_output=True,
+            self._system, span, x0, parameters=parameters, by=self.names, dense_output=True,
             **self._options,
         )  # fmt: skip
 
@@ -271,7 +271,7 @@ class _Cut:
 @checks.door((*calls.RUNS, "noise", "parameters"))
 def value_and_gradient(
     system: Any, cost: Any, t_span: Sequence[float], x0: Mapping[Any, float] | Sequence[float], *,
-    with_respect_to: Sequence[Any], **options: Any,
+    by: Sequence[Any], **options: Any,
 ) -> Gradient:  # fmt: skip
     """A cost of a run and its gradient, exact through every event: one run and one way back, by any number of names.
 
@@ -299,9 +299,9 @@ def value_and_gradient(
     >>> mu = sp.Symbol("mu", positive=True)
     >>> body = System({x: v, v: -mu * sp.sign(v)}, parameters={mu: 2})
     >>> stop = event_time("sgn(v)", "stick")
-    >>> value, gradient = value_and_gradient(body, stop, (0, 3), {x: 0, v: 4}, with_respect_to=[mu, "v"])
+    >>> value, gradient = value_and_gradient(body, stop, (0, 3), {x: 0, v: 4}, by=[mu, "v"])
     >>> print(f"{value:.6f}", gradient.round(6).tolist())  # v/mu
     2.000000 [-1.0, 0.5]
     """
-    objective = Objective(system, cost, t_span, x0, with_respect_to, **options)
+    objective = Objective(system, cost, t_span, x0, by, **options)
     return objective(objective.start)

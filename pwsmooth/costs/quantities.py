@@ -77,7 +77,7 @@ def integral(expression: Any) -> Quantity:
 
     >>> x, v = sp.symbols("x v", real=True)
     >>> body = System({x: v, v: -2 * sp.sign(v)})
-    >>> value, slope = value_and_gradient(body, integral(v), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> value, slope = value_and_gradient(body, integral(v), (0, 3), {x: 0, v: 4}, by=["v"])
     >>> print(f"{value:.4f} {slope[0]:.4f}")
     4.0000 2.0000
     """
@@ -90,7 +90,7 @@ def final(expression: Any) -> Quantity:
 
     >>> x, v = sp.symbols("x v", real=True)
     >>> body = System({x: v, v: -2 * sp.sign(v)})
-    >>> value, slope = value_and_gradient(body, final(x), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> value, slope = value_and_gradient(body, final(x), (0, 3), {x: 0, v: 4}, by=["v"])
     >>> print(f"{value:.4f} {slope[0]:.4f}")
     4.0000 2.0000
     """
@@ -108,7 +108,7 @@ def at(expression: Any, time: float) -> Quantity:
 
     >>> x, v = sp.symbols("x v", real=True)
     >>> body = System({x: v, v: -2 * sp.sign(v)})
-    >>> value, slope = value_and_gradient(body, at(x, 1), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> value, slope = value_and_gradient(body, at(x, 1), (0, 3), {x: 0, v: 4}, by=["v"])
     >>> print(f"{value:.4f} {slope[0]:.4f}")
     3.0000 1.0000
     """
@@ -131,7 +131,7 @@ def event_time(switch: Any, kind: str | None = None, number: int = 0) -> Quantit
 
     >>> x, v = sp.symbols("x v", real=True)
     >>> body = System({x: v, v: -2 * sp.sign(v)})
-    >>> value, slope = value_and_gradient(body, event_time("sgn(v)"), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> value, slope = value_and_gradient(body, event_time("sgn(v)"), (0, 3), {x: 0, v: 4}, by=["v"])
     >>> print(f"{value:.4f} {slope[0]:.4f}")
     2.0000 0.5000
     """
@@ -153,7 +153,7 @@ def at_event(
 
     >>> x, v = sp.symbols("x v", real=True)
     >>> body = System({x: v, v: -2 * sp.sign(v)})
-    >>> value, slope = value_and_gradient(body, at_event(x, "sgn(v)"), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> value, slope = value_and_gradient(body, at_event(x, "sgn(v)"), (0, 3), {x: 0, v: 4}, by=["v"])
     >>> print(f"{value:.4f} {slope[0]:.4f}")
     4.0000 2.0000
     """
@@ -174,7 +174,7 @@ def largest(expression: Any, start: float | None = None, end: float | None = Non
 
     >>> x, v = sp.symbols("x v", real=True)
     >>> body = System({x: v, v: -x})
-    >>> value, slope = value_and_gradient(body, largest(x), (0, 6), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> value, slope = value_and_gradient(body, largest(x), (0, 6), {x: 0, v: 4}, by=["v"])
     >>> print(f"{value:.4f} {slope[0]:.4f}")
     4.0000 1.0000
     """
@@ -187,7 +187,7 @@ def smallest(expression: Any, start: float | None = None, end: float | None = No
 
     >>> x, v = sp.symbols("x v", real=True)
     >>> body = System({x: v, v: -x})
-    >>> value, slope = value_and_gradient(body, smallest(x), (0, 6), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> value, slope = value_and_gradient(body, smallest(x), (0, 6), {x: 0, v: 4}, by=["v"])
     >>> print(f"{value:.4f} {slope[0]:.4f}")
     -4.0000 -1.0000
     """
@@ -210,7 +210,7 @@ def duration(switch: Any) -> Quantity:
 
     >>> x, v = sp.symbols("x v", real=True)
     >>> body = System({x: v, v: -2 * sp.sign(v)})
-    >>> value, slope = value_and_gradient(body, duration("sgn(v)"), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> value, slope = value_and_gradient(body, duration("sgn(v)"), (0, 3), {x: 0, v: 4}, by=["v"])
     >>> print(f"{value:.4f} {slope[0]:.4f}")
     1.0000 -0.5000
     """
@@ -243,7 +243,7 @@ def misfit(expression: Any, times: Any, values: Any, sigma: Any = 1.0) -> Quanti
     >>> x, v = sp.symbols("x v", real=True)
     >>> body = System({x: v, v: -2 * sp.sign(v)})
     >>> cost = misfit(x, [1, 2], [2.5, 4])
-    >>> value, slope = value_and_gradient(body, cost, (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> value, slope = value_and_gradient(body, cost, (0, 3), {x: 0, v: 4}, by=["v"])
     >>> print(f"{value:.4f} {slope[0]:.4f}")
     0.2500 1.0000
     """

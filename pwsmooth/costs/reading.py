@@ -39,7 +39,7 @@ class Gradient(NamedTuple):
         By the quantities, in the unit of the cost over theirs.
 
     >>> x = sp.Symbol("x", real=True)
-    >>> found = value_and_gradient(System({x: -2 * x}), final(x) ** 2, (0, 1), {x: 1}, with_respect_to=["x"])
+    >>> found = value_and_gradient(System({x: -2 * x}), final(x) ** 2, (0, 1), {x: 1}, by=["x"])
     >>> print(f"{found.value:.6f} {found.gradient[0]:.6f}")  # exp(-4), twice that
     0.018316 0.036631
     """

@@ -70,7 +70,7 @@ class Control(sp.Symbol):
     >>> body = System({x: v, v: u})
     >>> body.parameters
     {u_0: 1.0, u_1: -1.0, u_t1: 1.0}
-    >>> run = solve(body, (0, 2), {x: 0, v: 0}, with_respect_to=["u_0", "u_t1"])
+    >>> run = solve(body, (0, 2), {x: 0, v: 0}, by=["u_0", "u_t1"])
     >>> print(run["x"][-1].round(6), run.derivatives.end[0].round(6).tolist())
     1.0 [1.5, 2.0]
     """

@@ -7,10 +7,8 @@ __all__ = [
     "Diagram",
     "Found",
     "Meeting",
-    "bifurcation_set",
     "diagram",
     "read_diagram",
-    "read_set",
 ]
 
 _HOME = {
@@ -18,10 +16,8 @@ _HOME = {
     "Diagram": "result",
     "Found": "result",
     "Meeting": "sets",
-    "bifurcation_set": "two_parameters",
-    "diagram": "one_parameter",
-    "read_diagram": "result",
-    "read_set": "sets",
+    "diagram": "calling",
+    "read_diagram": "sets",
 }
 
 __getattr__, __dir__ = on_first_use(__name__, _HOME)

@@ -1,6 +1,6 @@
 """One curve of bifurcations in two parameters from one point, and whether another point lies on it.
 
-Chain: plain.py -> **growing** -> sets.py, two_parameters.py.
+Chain: plain.py -> **growing** -> sets.py, over_two.py.
 """
 
 from __future__ import annotations
@@ -11,8 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from ..analysis.continuation.curves.starts import FOLLOWED
 from ..analysis.continuation.equilibria import curves as of_equilibria
-from ..analysis.continuation.two_parameters import FOLLOWED, follow_curve
+from ..analysis.continuation.following import follow
+from ..analysis.continuation.steps import Steps
 from ..analysis.equilibria.equilibrium import Equilibrium
 from ..analysis.maps.sections import Section, Stroboscopic
 from .plain import Setting, aligned, distance, made_bifurcation, points_of
@@ -25,8 +27,8 @@ def grown(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
     """The curve of a task: {"arrays": ..., "about": ...}; only "about" with "lost" in words where there is none."""
     try:
         bifurcation = made_bifurcation(task["bifurcation"], setting)
-        curve: Any = follow_curve(
-            bifurcation, dict(task["ranges"]), virtual=task["virtual"], most=task["most"], **task["steps"]
+        curve: Any = follow(
+            bifurcation, task["ranges"], virtual=task["virtual"], steps=Steps(max_points=task["most"])
         )
     except (
         ArithmeticError,

@@ -1,8 +1,8 @@
-"""How diagrams are looked for: the checked arguments of both calls, the orbit diagram, and the search that it begins.
+"""How diagrams are looked for: the checked arguments of the call, the orbit diagram, and the search that it begins.
 
     sweep over values and starts  ->  ends  ->  branches through them, and those that begin on these  ->  Diagram
 
-Chain: sweep, searching.py, result.py -> **looking** -> one_parameter.py, two_parameters.py.
+Chain: sweep, searching.py, result.py -> **looking** -> over_two.py, calling.py.
 """
 
 from __future__ import annotations
@@ -14,58 +14,56 @@ from typing import Any, cast
 
 import numpy as np
 
+from ..analysis.continuation.steps import Steps
 from ..analysis.equilibria.equilibrium import Equilibrium
 from ..analysis.equilibria.finding import equilibria
 from ..analysis.maps.scales import Scale, units_at
 from ..analysis.maps.sections import Stroboscopic, poincare_map
+from ..analysis.maps.seen import Return, Strobe
 from ..analysis.maps.symmetry import symmetry_matrix
 from ..analysis.orbits.periodic_orbit import PeriodicOrbit
 from ..door import checks
 from ..results.records import Outcome
-from ..sweep import Period, Points, sweep
-from ..sweep.identity import digest
+from ..studies import Period, Points, Work, sweep
+from ..studies.identity import digest
 from .plain import Setting, told
 from .result import Diagram
 from .searching import Ends, Search
-from .work import Work
+from .tasks import Tasks
 
 _RTOL, _ATOL = 1e-9, 1e-12  # of the sweep
 _LONGER = 10  # transients, of a trajectory that does not repeat after one
 SWEEPS = "sweeps"  # folder in a store
-Starts = Mapping[Any, float] | Sequence[Mapping[Any, float]]
 
 
 @dataclass(frozen=True)
 class Looking:
-    """How a diagram is looked for, over whatever parameter: checked arguments of `diagram` and `bifurcation_set`."""
+    """How a diagram is looked for, over whatever parameter: checked arguments of `diagram`."""
 
     setting: Setting
-    given: Any  # period, section, direction, longest_return, for sweep
-    phase: float
-    starts: tuple[tuple[float, ...], ...]
+    seen: Strobe | Return | None
+    x0: tuple[tuple[float, ...], ...]
     orbits: tuple[dict[str, Any], ...]
     box: Mapping[Any, Any] | None
     values: int
     transient: int
-    keep: int
-    longest: int
     tol: float
-    depth: int
-    most: int
-    points: int
-    steps: Mapping[str, float]
+    max_count: int
+    max_depth: int
+    max_branches: int
+    steps: Steps
     options: Mapping[str, Any]
 
     def identity(self) -> dict[str, str]:
         """What a store must agree with."""
-        s = self.setting
+        s, look = self.setting, self.seen
         return {
             "system": digest(s.system), "map": digest([None if s.map is None else [
-                str(getattr(s.map, "period", "")), str(getattr(s.map, "surface", "")), self.given["direction"]]]),
-            "phase": str(self.phase), "symmetry": digest(s.symmetry), "virtual": str(s.virtual),
-            "starts": str(self.starts), "orbits": digest(list(self.orbits)),
-            "box": str(self.box), "sweep": str((self.values, self.transient, self.keep, self.longest, self.tol)),
-            "bounds": str((self.depth, self.most, self.points)), "steps": str(dict(self.steps)),
+                str(getattr(s.map, "period", "")), str(getattr(s.map, "surface", "")), getattr(look, "direction", 1)]]),
+            "phase": str(getattr(look, "phase", 0.0)), "symmetry": digest(s.symmetry), "virtual": str(s.virtual),
+            "x0": str(self.x0), "orbits": digest(list(self.orbits)),
+            "box": str(self.box), "sweep": str((self.values, self.transient, self.max_count, self.tol)),
+            "bounds": str((self.max_depth, self.max_branches)), "steps": str(self.steps),
             "options": str(dict(self.options)),
         }  # fmt: skip
 
@@ -75,11 +73,11 @@ class Looking:
         self, name: str, bounds: tuple[float, float], values: Mapping[str, float], store: Path | None
     ) -> Any:
         """Where trajectories end, by a sweep; None without starts."""
-        if not self.starts:
+        if not self.x0:
             return None
         grid = np.linspace(*bounds, self.values)
-        q = np.repeat(grid, len(self.starts))
-        first = np.tile(np.array(self.starts), (len(grid), 1))
+        q = np.repeat(grid, len(self.x0))
+        first = np.tile(np.array(self.x0), (len(grid), 1))
         folder = (lambda kind: None) if store is None else (lambda kind: store / f"{name}_{kind}.zarr")
         at, cycle, outcome = self._led(name, values, q, first, self.transient, folder("ends"))
         slow = np.flatnonzero((cycle == 0) & (outcome == Outcome.FINISHED))
@@ -88,7 +86,7 @@ class Looking:
             at[slow], cycle[slow], outcome[slow] = self._led(
                 name, values, q[slow], at[slow, -1], longer, folder("slow")
             )
-        shape = len(grid), len(self.starts)
+        shape = len(grid), len(self.x0)
         return Ends(
             grid, at.reshape(*shape, *at.shape[1:]), cycle.reshape(shape), outcome.reshape(shape), self.tol
         )
@@ -106,14 +104,11 @@ class Looking:
         system = self.setting.system.with_parameters(dict(values))
         states = [s.name for s in system.model.states]
         points: dict[Any, Any] = {name: q.tolist(), **dict(zip(states, first.T.tolist()))}
-        if self.phase and self.setting.driven:
-            periods = [self.setting.at({**values, name: float(v)}).forcing_period for v in q]
-            points[system.model.time] = (self.phase * np.array(periods)).tolist()
-        kept = max(self.keep, self.longest)
+        kept = 2 * self.max_count
         found = sweep(
-            system, points=points, **self.given, transient=transient, periods=2 * kept,
-            measures=[Period(self.longest, self.tol), Points(*states, last=kept)], progress=False, store=store,
-            **self.options,
+            system, points=points, seen=self.seen, transient=transient, periods=2 * kept,
+            measures=[Period(self.max_count, self.tol), Points(*states, last=kept)],
+            work=Work(progress=False, store=store), **self.options,
         )  # fmt: skip
         at = np.stack([found[f"{s}_points"].values for s in states], axis=-1)
         return at, found["period"].values.copy(), found["outcome"].values.copy()
@@ -121,7 +116,7 @@ class Looking:
     # ---- the whole
 
     def diagram(
-        self, name: str, bounds: tuple[float, float], values: Mapping[str, float], work: Work, tell: Any,
+        self, name: str, bounds: tuple[float, float], values: Mapping[str, float], work: Tasks, tell: Any,
         sweeps: Path | None,
     ) -> Diagram:  # fmt: skip
         setting = self.setting
@@ -131,10 +126,9 @@ class Looking:
             bounds,
             values,
             self.steps,
-            self.most,
-            self.points,
-            self.depth,
-            self.longest,
+            self.max_branches,
+            self.max_depth,
+            self.max_count,
             work,
             tell,
         )
@@ -156,7 +150,7 @@ class Looking:
         if ends is not None:
             search.from_ends(ends)
             explained = np.array(
-                [[search.fate(ends, i, j) for j in range(len(self.starts))] for i in range(len(ends.values))]
+                [[search.fate(ends, i, j) for j in range(len(self.x0))] for i in range(len(ends.values))]
             )
         states = tuple(s.name for s in setting.system.model.states)
         strobed = "" if setting.map is None else "period" if setting.driven else "return"
@@ -187,50 +181,48 @@ class Looking:
 
 
 def looking(
-    system: Any, starts: Any, period: Any, section: Any, direction: int, longest_return: float, phase: float,
-    symmetry: Any, orbits: Sequence[Any], box: Any, values: int, transient: int, keep: int, longest: int, tol: float,
-    depth: int, most: int, points: int, steps: Mapping[str, float], virtual: bool, options: Mapping[str, Any],
-) -> Looking:  # fmt: skip
+    system: Any,
+    x0: Any,
+    seen: Strobe | Return | None,
+    box: Any,
+    virtual: bool,
+    options: Mapping[str, Any],
+    **how: Any,
+) -> Looking:
     """Checked arguments."""
-    map_ = None
-    if period is not None or section is not None:
-        more = {} if section is not None else {"phase": phase}
-        map_ = poincare_map(system, period, section, direction, longest_return, options, **more)
-    if starts is not None and map_ is None:
+    map_ = None if seen is None else poincare_map(system, seen, options)
+    alone = x0 is None or isinstance(x0, (Mapping, PeriodicOrbit, Equilibrium))
+    given = ([] if x0 is None else [x0]) if alone else checks.several(x0, "`x0`")
+    orbits = [start for start in given if isinstance(start, (PeriodicOrbit, Equilibrium))]
+    starts = [start for start in given if not isinstance(start, (PeriodicOrbit, Equilibrium))]
+    if starts and map_ is None:
         raise ValueError(
-            "`starts` are trajectories, seen once a period or return; give `period` or `section` too."
+            "`x0` has states, at which trajectories begin: give `seen` too, Strobe(period) of a driven system or "
+            "Return(section)."
         )
-    single = () if starts is None else (starts,)
-    given = single if starts is None or isinstance(starts, Mapping) else checks.several(starts, "`starts`")
-    rows = tuple(tuple(map(float, system.initial_state(checks.mapping(s, "`starts`")))) for s in given)
+    rows = tuple(tuple(map(float, system.initial_state(checks.mapping(s, "`x0`")))) for s in starts)
     G = None
-    if symmetry is not None:
-        if map_ is None or section is not None:
-            raise ValueError("`symmetry` belongs to forced systems, together with `period`; leave it out.")
-        G = symmetry_matrix(system, symmetry, cast(Stroboscopic, map_).forcing_period)
-    unit = _units(system, [*rows, *(orbit.x for orbit in orbits if hasattr(orbit, "x"))], box)
+    if isinstance(seen, Strobe) and seen.symmetry is not None:
+        G = symmetry_matrix(system, seen.symmetry, cast(Stroboscopic, map_).forcing_period)
+    unit = _units(system, [*rows, *(orbit.x for orbit in orbits)], box)
     if map_ is not None and unit:
         map_ = replace(map_, scale=Scale(unit, unit))
     setting = Setting(system, map_, G, virtual, unit)
     kept = []
-    for orbit in checks.several(orbits, "`orbits`"):
-        if not isinstance(orbit, (PeriodicOrbit, Equilibrium)) or not orbit.success:
-            raise TypeError(
-                f"`orbits` contains {checks.shown(orbit)}; give orbits and equilibria that converged, of find_orbit() "
-                "and find_equilibrium()."
-            )
+    for orbit in orbits:
+        if not orbit.success:
+            raise ValueError(f"`x0` contains {checks.shown(orbit)}, which did not converge; leave it out.")
         if isinstance(orbit, PeriodicOrbit) and map_ is None:
-            raise ValueError("`orbits` contains a periodic orbit; give its `period` or `section` too.")
+            raise ValueError("`x0` contains a periodic orbit; say by `seen` how it is seen, Strobe or Return.")
         if {p.name for p in orbit.system.parameters} != {p.name for p in system.parameters}:
-            raise ValueError("`orbits` contains one of another system; give orbits of `system`.")
+            raise ValueError("`x0` contains an orbit of another system; give orbits of `system`.")
         kept.append(told(orbit, setting))
-    if not (given or kept or box):
-        raise ValueError("nothing to begin with: give `starts`, `orbits`, or a `box` of equilibria.")
-    strobe = {"period": period, "section": section, "direction": direction, "longest_return": longest_return}
-    return Looking(
-        setting, strobe, phase, rows, tuple(kept), box, values, transient, keep, longest, tol, depth, most, points,
-        steps, {"rtol": _RTOL, "atol": [_ATOL * u for u in unit] if unit else _ATOL, **options},
-    )  # fmt: skip
+    if not (given or box):
+        raise ValueError(
+            "nothing to begin with: give `x0`, states, orbits or equilibria, or a `box` of equilibria."
+        )
+    tolerances = {"rtol": _RTOL, "atol": [_ATOL * u for u in unit] if unit else _ATOL, **options}
+    return Looking(setting, seen, rows, tuple(kept), box, options=tolerances, **how)
 
 
 def _units(system: Any, rows: Sequence[Any], box: Any) -> tuple[float, ...]:
@@ -246,14 +238,3 @@ def _units(system: Any, rows: Sequence[Any], box: Any) -> tuple[float, ...]:
             sizes[k] = max(sizes[k], *np.abs(checks.pair(pair, f"`box` of {name}")))
     unit = tuple(units_at(sizes).tolist())
     return unit if set(unit) != {1.0} else ()
-
-
-STEPS = ("step", "longest_step", "shortest_step")
-DOOR: dict[str, Any] = dict(
-    system=checks.system, direction=checks.one_of(1, -1), longest_return=checks.positive, phase=checks.number,
-    symmetry=checks.optional(checks.mapping), box=checks.optional(checks.mapping), values=checks.integer(2, 10**6),
-    transient=checks.integer(0), keep=checks.integer(1, 10**6), longest=checks.integer(1, 10_000), tol=checks.positive,
-    depth=checks.integer(0, 1000), most=checks.integer(1, 10**6), points=checks.integer(2, 10**6), virtual=checks.flag,
-    workers=checks.optional(checks.integer(1, 10_000)), store=checks.optional(checks.path),
-    **dict.fromkeys(STEPS, checks.positive),
-)  # fmt: skip

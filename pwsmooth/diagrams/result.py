@@ -8,7 +8,6 @@ from __future__ import annotations
 import copy
 from collections import Counter
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,12 +17,12 @@ from ..door.describe import Described, Rows, some
 from .line import Line, uncovered
 from .plain import Setting, made_bifurcation
 from .searching import IN_A_SET, NOWHERE, Ends
-from .work import RESULT, Store, read_result, write_group
+from .tasks import RESULT, Store, write_group
 
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["Diagram", "Found", "read_diagram"]
+__all__ = ["Diagram", "Found"]
 
 TITLE = "pwsmooth diagram"
 
@@ -98,7 +97,7 @@ class Diagram(Described):
 
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> logistic = System({x: 0 * x}, time=t, parameters={a: 3}, events=[Event(every=1, update={x: a * x * (1 - x)})])
-    >>> found = diagram(logistic, a, (2.8, 3.5), {x: 0.3}, 1, phase=0.5, values=8)
+    >>> found = diagram(logistic, {a: (2.8, 3.5)}, {x: 0.3}, Strobe(1, phase=0.5), values=8)
     >>> [f"{b.kind} {b.parameter:.6f}" for b in found.bifurcations]
     ['flip 3.000000', 'flip 3.449490']
     """
@@ -126,7 +125,7 @@ class Diagram(Described):
         return sorted(found, key=lambda b: b.parameter)
 
     def bifurcation(self, found: Found) -> Any:
-        """A bifurcation as `branch_off`, `follow_curve` and `cycle_from` take it.
+        """A bifurcation as `branch_off`, `follow` and `cycle_from` take it.
 
         Parameters
         ----------
@@ -197,7 +196,7 @@ class Diagram(Described):
 
     # ---- as data
 
-    def to_xarray(self) -> xarray.Dataset:
+    def to_dataset(self) -> xarray.Dataset:
         """Everything as a Dataset.
 
         Returns
@@ -220,9 +219,6 @@ class Diagram(Described):
         """
         path = checks.path(path, "`path`")
         Store(path, TITLE, {"saved": self.parameter})
-        self._write(path)
-
-    def _write(self, path: Path) -> None:
         write_group(path, RESULT, self._item())
 
     def _item(self) -> dict[str, Any]:
@@ -279,40 +275,9 @@ class Diagram(Described):
             rows.append(("orbit diagram", [f"{count} values, {starts} starts; {off} ends on no branch{told}"]))
         rows.append(("lost", some(list(self.lost))))
         if self.left:
-            rows.append(
-                ("not followed", [f"{self.left} more branches, for the bounds `depth`, `most` and `longest`"])
-            )
+            bounds = "`max_depth`, `max_branches` and `max_count`"
+            rows.append(("not followed", [f"{self.left} more branches, for the bounds {bounds}"]))
         return (
             f"Diagram over {self.parameter} from {low:.9g} to {high:.9g}: {len(self.branches)} branches",
             rows,
         )
-
-
-@checks.door()
-def read_diagram(path: Any) -> Diagram:
-    """The diagram in a store, or in what `Diagram.save` wrote.
-
-    Parameters
-    ----------
-    path : str or Path
-        Zarr directory.
-
-    Returns
-    -------
-    Diagram
-        Without the system.
-
-    Raises
-    ------
-    ValueError
-        No diagram there, an unfinished or a damaged one.
-
-    >>> t, x, a = sp.symbols("t x a", real=True)
-    >>> step = Event(every=1, update={x: a - x**2})
-    >>> folded = System({x: 0 * x}, time=t, parameters={a: 0.2}, events=[step])
-    >>> path = tempfile.mkdtemp() + "/folded.zarr"
-    >>> found = diagram(folded, a, (-0.5, 0.5), {x: 0.1}, 1, phase=0.5, values=5, store=path)
-    >>> [b.kind for b in read_diagram(path).bifurcations] == [b.kind for b in found.bifurcations]
-    True
-    """
-    return Diagram._of(read_result(checks.path(path, "`path`"), TITLE))

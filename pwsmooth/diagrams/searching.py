@@ -14,19 +14,20 @@ from __future__ import annotations
 import itertools
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from ..analysis.continuation.steps import Steps
 from ..analysis.maps.sections import Stroboscopic
 from ..analysis.orbits.finding import refine
 from ..results.records import Outcome
-from ..sweep.plan import NO_RETURN
+from ..studies.plan import NO_RETURN
 from .line import Line, same_points
 from .plain import Setting, distance, found_at, points_of, told
+from .tasks import Task, Tasks
 from .tracing import SWITCHED
-from .work import Task, Work
 
 _AMPLITUDES = (1e-2, 1e-3, 1e-4, 1e-5)  # relative to unit + |x|, tried in this order
 _SAME_PARAMETER = 1e-7  # of the range: bifurcations nearer together, of one orbit and one kind, are one
@@ -65,12 +66,11 @@ class Search:
     name: str
     bounds: tuple[float, float]
     values: Mapping[str, float]  # of all parameters
-    steps: Mapping[str, float]
-    most: int  # branches
-    points: int  # of a branch
-    depth: int
-    longest: int  # periods or returns of an orbit
-    work: Work
+    steps: Steps
+    max_branches: int
+    max_depth: int
+    max_count: int  # periods or returns of an orbit
+    work: Tasks
     tell: Callable[[str], None] = lambda words: None
     lines: list[Line] = field(default_factory=list)
     lost: list[str] = field(default_factory=list)
@@ -84,7 +84,7 @@ class Search:
 
     def _task(self, **what: Any) -> Task:
         return {
-            "parameter": self.name, "range": list(self.bounds), "most": self.points, "steps": dict(self.steps),
+            "parameter": self.name, "range": list(self.bounds), "steps": asdict(self.steps),
             "virtual": self.setting.virtual, **what,
         }  # fmt: skip
 
@@ -95,7 +95,7 @@ class Search:
             origin = f"{b['kind']} at {self.name} = {b['parameter']:.9g}"
             if b["first"] and b["orbit"].get("count", line.count) < line.count:
                 yield f"stem of the {origin}", line.depth + 1, self._task(start=b["orbit"]), None
-            elif b["first"] and b["kind"] == "flip" and 2 * line.count > self.longest:
+            elif b["first"] and b["kind"] == "flip" and 2 * line.count > self.max_count:
                 self.left += 1
             elif b["first"] and (b["kind"] in SWITCHED or b.get("cycle") == "attracting"):
                 for sign in (1, -1) if b["kind"] == "branch point" else (1,):
@@ -128,14 +128,14 @@ class Search:
         """The branch of a task and those that begin on it, recursively."""
         queue, more = deque[tuple[str, int, Task, Any]]([(origin, 0, first, None)]), iter(upcoming)
         while queue:
-            if len(self.lines) >= self.most:
+            if len(self.lines) >= self.max_branches:
                 self.left += len(queue)
                 return
             ahead = self.work.workers.ahead
             coming = [task for _, _, task, _ in itertools.islice(queue, ahead)]
             self.work.ask([*coming, *itertools.islice(more, max(0, ahead - len(coming)))])
             origin, depth, task, root = queue.popleft()
-            if depth > self.depth:
+            if depth > self.max_depth:
                 self.left += 1
                 continue
             item = self.work.result(task)
@@ -240,7 +240,7 @@ class Search:
             return self.from_orbit(orbit)
 
         for number, (i, j) in enumerate(order):
-            if len(self.lines) >= self.most:
+            if len(self.lines) >= self.max_branches:
                 return
             task = seed(i, j)
             if task is not None:

@@ -1,4 +1,4 @@
-"""What `bifurcation_set` gives: curves in the plane of two parameters and their points of codimension 2, as data.
+"""What `diagram` gives over two parameters: curves in their plane and their points of codimension 2, as data.
 
 Chain: growing.py, result.py -> **sets** -> two_parameters.py.
 """
@@ -16,12 +16,12 @@ from ..door import checks
 from ..door.describe import Described, Rows, some
 from .growing import Grown
 from .result import Diagram
-from .work import RESULT, Store, read_result, write_group
+from .tasks import RESULT, Store, read_result, write_group
 
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["BifurcationSet", "Meeting", "read_set"]
+__all__ = ["BifurcationSet", "Meeting", "read_diagram"]
 
 TITLE = "pwsmooth bifurcation set"
 _SAME = 1e-6  # of the ranges: points of codimension 2 nearer together, of one name, are one
@@ -81,7 +81,7 @@ class BifurcationSet(Described):
     >>> t, x, a, b = sp.symbols("t x a b", real=True)
     >>> step = Event(every=1, update={x: a - x**2 + b * x})
     >>> quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
-    >>> found = bifurcation_set(quadratic, (a, b), ((-1, 1), (-0.5, 0.5)), {x: 0.1}, 1, phase=0.5, values=6)
+    >>> found = diagram(quadratic, {a: (-1, 1), b: (-0.5, 0.5)}, {x: 0.1}, Strobe(1, phase=0.5), values=6)
     >>> sorted({curve.kind for curve in found.curves})
     ['flip', 'fold']
     """
@@ -161,7 +161,7 @@ class BifurcationSet(Described):
 
     # ---- as data
 
-    def to_xarray(self) -> xarray.Dataset:
+    def to_dataset(self) -> xarray.Dataset:
         """The curves as a Dataset.
 
         Returns
@@ -196,7 +196,7 @@ class BifurcationSet(Described):
         return xarray.Dataset(data, attrs=attrs)
 
     def save(self, path: Any) -> None:
-        """Write it into a Zarr directory, which `read_set` reads.
+        """Write it into a Zarr directory, which `read_diagram` reads.
 
         Parameters
         ----------
@@ -236,8 +236,8 @@ class BifurcationSet(Described):
 
 
 @checks.door()
-def read_set(path: Any) -> BifurcationSet:
-    """The bifurcation set in a store, or in what `BifurcationSet.save` wrote.
+def read_diagram(path: Any) -> Diagram | BifurcationSet:
+    """What `diagram` gave, from its store or from what `save` wrote.
 
     Parameters
     ----------
@@ -246,23 +246,25 @@ def read_set(path: Any) -> BifurcationSet:
 
     Returns
     -------
-    BifurcationSet
+    Diagram or BifurcationSet
         Without the system.
 
     Raises
     ------
     ValueError
-        No bifurcation set there, an unfinished or a damaged one.
+        No diagram there, an unfinished or a damaged one.
 
-    >>> t, x, a, b = sp.symbols("t x a b", real=True)
-    >>> step = Event(every=1, update={x: a - x**2 + b * x})
-    >>> quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
-    >>> path = tempfile.mkdtemp() + "/quadratic.zarr"
-    >>> _ = bifurcation_set(quadratic, (a, b), ((-1, 1), (-0.5, 0.5)), {x: 0.1}, 1, phase=0.5, values=6, store=path)
-    >>> len(read_set(path).curves)
-    2
+    >>> t, x, a = sp.symbols("t x a", real=True)
+    >>> step = Event(every=1, update={x: a - x**2})
+    >>> folded = System({x: 0 * x}, time=t, parameters={a: 0.2}, events=[step])
+    >>> path = tempfile.mkdtemp() + "/folded.zarr"
+    >>> found = diagram(folded, {a: (-0.5, 0.5)}, {x: 0.1}, Strobe(1, phase=0.5), values=5, work=Work(store=path))
+    >>> [b.kind for b in read_diagram(path).bifurcations] == [b.kind for b in found.bifurcations]
+    True
     """
-    item = read_result(checks.path(path, "`path`"), TITLE)
+    title, item = read_result(checks.path(path, "`path`"))
+    if title != TITLE:
+        return Diagram._of(item)
     arrays, about = item["arrays"], item["about"]
 
     def under(head: str) -> dict[str, np.ndarray]:

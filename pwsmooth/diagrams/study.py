@@ -1,74 +1,72 @@
-"""A diagram or a bifurcation set in a TOML file: `pwsmooth diagram STUDY.toml`, whose --help lists the keys.
+"""A diagram over one parameter or two in a TOML file: `pwsmooth diagram STUDY.toml`, whose --help lists the keys.
 
-A study is data, as those of sweeps are (sweep/study.py), with the same table for the system and the same rule for code.
+A study is data, as those of sweeps are (studies/study.py), with the same tables and the same rule for code.
 
-Chain: sweep/study.py, one_parameter.py, two_parameters.py -> **study** -> cli.py.
+Chain: studies/study.py, calling.py -> **study** -> cli.py.
 """
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from ..analysis.maps.sections import LONGEST
+from ..analysis.continuation.steps import Steps
+from ..analysis.maps.seen import Strobe
 from ..codegen.machine.workers import cores
 from ..door import checks
-from ..sweep.study import Names, StudyError, SystemTable, Table, Values, read_study, system_of, values_of
-from .one_parameter import diagram
-from .two_parameters import bifurcation_set
+from ..studies.study import (
+    Names,
+    SeenTable,
+    StudyError,
+    SystemTable,
+    Table,
+    Values,
+    called,
+    read_study,
+    seen_of,
+    system_of,
+    values_of,
+)
+from ..studies.work import Work
+from .calling import diagram
 
-_RUNS = ("rtol", "atol", "method", "max_steps")  # of solve
 Pair = Annotated[tuple[float, float], Field(strict=False)]  # TOML has lists
 
 
+class StepsTable(Table):
+    """Keys of Steps."""
+
+    first: float | None = None
+    longest: float | None = None
+    shortest: float | None = None
+    max_points: int = 500
+
+
 class DiagramStudy(Table):
-    """The whole file: keys of `diagram` and `bifurcation_set`, the parameters among them in `ranges`, one or two."""
+    """The whole file: keys of `diagram`."""
 
     title: str = ""
     system: SystemTable
-    ranges: dict[str, Pair]
+    over: dict[str, Pair]
     lines: dict[str, Values] = {}
-    starts: list[dict[str, float]] = []
-    period: float | str | None = None
-    section: str | None = None
-    direction: Literal[1, -1] = 1
-    longest_return: float = LONGEST
-    phase: float = 0.0
-    symmetry: dict[str, str] | None = None
+    x0: list[dict[str, float]] = []
+    seen: SeenTable | None = None
     box: dict[str, Pair] | None = None
     values: int = 60
     transient: int = 200
-    keep: int = 16
-    longest: int = 8
+    max_count: int = 8
     tol: float = 1e-6
-    depth: int = 6
-    most: int = 60
-    points: int = 500
-    curves: int = 100
-    step: float | None = None
-    longest_step: float | None = None
-    shortest_step: float | None = None
+    max_depth: int = 6
+    max_branches: int = 60
     virtual: bool = False
+    steps: StepsTable | None = None
     rtol: float | None = None
     atol: float | list[float] | None = None
     method: str | None = None
     max_steps: int | None = None
-
-    @model_validator(mode="after")
-    def _has_one_or_two(self) -> DiagramStudy:
-        if len(self.ranges) not in (1, 2):
-            raise ValueError(
-                f"`ranges` names {len(self.ranges)} parameters; give one for a diagram, two for a set"
-            )
-        if self.lines and len(self.ranges) == 1:
-            raise ValueError(
-                "`lines` belong to two parameters; give a second one in `ranges`, or leave them out"
-            )
-        return self
 
 
 def run_study(
@@ -120,7 +118,7 @@ def run_study(
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> logistic = System({x: 0 * x}, time=t, parameters={a: 3}, events=[Event(every=1, update={x: a * x * (1 - x)})])
     >>> folder = Path(tempfile.mkdtemp())
-    >>> text = "period = 1\\nphase = 0.5\\nvalues = 5\\nstarts = [{ x = 0.3 }]\\nranges = { a = [2.8, 3.4] }\\n"
+    >>> text = "seen = {period = 1, phase = 0.5}\\nvalues = 5\\nx0 = [{ x = 0.3 }]\\nover = { a = [2.8, 3.4] }\\n"
     >>> _ = (folder / "study.toml").write_text(text + "[system]\\nobject = 'logistic'\\n")
     >>> found, store = run_study(folder / "study.toml", folder, workers=1, names={"logistic": logistic})
     >>> [b.kind for b in found.bifurcations], store.name
@@ -133,38 +131,28 @@ def run_study(
     store = checks.path(out, "`out`") / f"{path.stem}.zarr"
     if store.exists() and not checks.flag(resume, "`resume`"):
         raise StudyError(f"{store} exists; add --resume to go on with it, or give another --out.")
-    call, arguments = _call_of(study, Names(names or {}, path.parent if allow_code else None))
-    found = call(**arguments, store=store, workers=workers or cores(), progress=progress)
+    arguments = _arguments_of(study, Names(names or {}, path.parent if allow_code else None))
+    found = diagram(**arguments, work=Work(workers=workers or cores(), store=store, progress=progress))
     _draw(found, store.with_suffix(".png"))
     return found, store
 
 
-def _call_of(study: DiagramStudy, names: Names) -> tuple[Any, dict[str, Any]]:
-    """`diagram` or `bifurcation_set`, and its arguments."""
+def _arguments_of(study: DiagramStudy, names: Names) -> dict[str, Any]:
+    """The arguments of `diagram`."""
     system = system_of(study.system, names)
-    period, starts = study.period, study.starts or None
-    if hasattr(system, "system") and hasattr(system, "start"):  # a scene brings its own
-        period = getattr(system, "period", None) if period is None and study.section is None else period
-        own = {str(getattr(key, "name", key)): value for key, value in system.start.items()}
+    seen, x0 = seen_of(study.seen), study.x0 or None
+    if hasattr(system, "system") and hasattr(system, "x0"):  # a scene brings its own
+        if seen is None and getattr(system, "period", None):
+            seen = Strobe(system.period)
+        own = {str(getattr(key, "name", key)): value for key, value in system.x0.items()}
         system = system.system
         own = {s.name: own[s.name] for s in system.model.states if s.name in own}  # a view may have fewer
-        starts = [own | given for given in study.starts or [{}]]
-    call: Any = diagram if len(study.ranges) == 1 else bifurcation_set
-    given = study.model_dump(
-        exclude={"title", "system", "ranges", "lines", "starts", "period"}, exclude_none=True
-    )
-    known = inspect.signature(call).parameters
-    if idle := [n for n in given if n in study.model_fields_set and n not in (*known, *_RUNS)]:
-        count = "one parameter" if call is diagram else "two parameters"
-        raise StudyError(f"{idle[0]}: no key of a study of {count}; leave it out.")
-    given = {name: value for name, value in given.items() if name in known or name in _RUNS}
-    given |= {"system": system, "starts": starts, "period": period}
-    if call is diagram:
-        ((parameter, bounds),) = study.ranges.items()
-        return call, {**given, "parameter": parameter, "range": bounds}
+        x0 = [own | given for given in study.x0 or [{}]]
+    given = study.model_dump(exclude={"title", "system", "lines", "x0", "seen", "steps"}, exclude_none=True)
     if study.lines:
         given["lines"] = {name: values_of(values) for name, values in study.lines.items()}
-    return call, {**given, "parameters": tuple(study.ranges), "ranges": tuple(study.ranges.values())}
+    steps = Steps() if study.steps is None else called(Steps, study.steps.model_dump(), "steps")
+    return {**given, "system": system, "x0": x0, "seen": seen, "steps": steps}
 
 
 def _draw(found: Any, path: Path) -> None:

@@ -16,10 +16,12 @@ import numpy as np
 
 from ..analysis.continuation.arclength import Walk, in_units, value_of
 from ..analysis.continuation.bifurcations import ON_CIRCLE
-from ..analysis.continuation.branches import Branch, branch_off, follow, followed
+from ..analysis.continuation.branches import Branch, branch_off, followed
 from ..analysis.continuation.equilibria.branch import EquilibriumBifurcation, EquilibriumBranch
 from ..analysis.continuation.equilibria.hopf import cycle_from
 from ..analysis.continuation.equilibria.sliding_cycle import cycle_beside
+from ..analysis.continuation.following import follow
+from ..analysis.continuation.steps import Steps
 from ..analysis.equilibria.equilibrium import Equilibrium
 from ..paths.budget import Budget, within
 from .plain import (
@@ -36,6 +38,7 @@ from .plain import (
 
 SWITCHED = ("flip", "symmetry breaking", "branch point", "Hopf", "sliding Hopf")  # where other branches begin
 _COUNTED = 2**62
+USUAL = 0.005, 0.03, 1e-7  # first, longest and shortest step in the arc of a diagram's branches
 _STEPS = 1000  # of solve() for each of the points that a branch may have: long orbits have fewer points
 _SHRUNK = 0.1  # of its first size: a cycle so small, followed back to its Hopf point, has come to its beginning
 _NEAR = 0.02  # of the range: a branch that begins at a bifurcation begins so near to it
@@ -138,7 +141,7 @@ def _traced(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
         return {"arrays": {}, "about": {"lost": orbit.message}}
     if not isinstance(orbit, Equilibrium):
         orbit = in_units(orbit, setting.sizes)
-    lengths, bifurcations = dict(task.get("steps", {})), list[dict[str, Any]]()
+    steps, bifurcations = Steps(**task.get("steps", {})), list[dict[str, Any]]()
     born = None
     if "frequency" in task.get("off", {}):
         born = _Entry(made_bifurcation(task["off"], setting).equilibrium, setting, name)
@@ -148,9 +151,7 @@ def _traced(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
     for to in (low, high):
         if sides and ends[0] == CLOSED:
             break
-        entries, end = _one_way(
-            setting, orbit, name, to, (low, high), lengths, task["most"], bifurcations, born
-        )
+        entries, end = _one_way(setting, orbit, name, to, (low, high), steps, bifurcations, born)
         sides.append(entries)
         ends.append(end)
     entries = sides[0][::-1] + (sides[1][1:] if len(sides) > 1 else [])
@@ -167,14 +168,15 @@ def _traced(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _one_way(
-    setting, orbit, name, to, bounds, lengths, most, bifurcations, born
+    setting, orbit, name, to, bounds, steps, bifurcations, born
 ) -> tuple[list[_Entry], str]:  # fmt: skip
     """Entries from the start on, and why they end."""
     q, back = value_of(orbit, name), bounds[int(to == bounds[0])]
     if abs(q - to) <= 1e-12 * (abs(to) + bounds[1] - bounds[0]):  # but for a rounding in the arc
         return [_Entry(orbit, setting, name)], f"began at {name} = {q:.10g}."
     if isinstance(orbit, Equilibrium):
-        branch = follow(orbit, name, to, back=back, most=most, virtual=setting.virtual, **lengths)
+        way = 1 if to == bounds[1] else -1
+        branch = follow(orbit, {name: bounds}, way=way, virtual=setting.virtual, steps=steps)
         return _entries_of(
             branch, [_Entry(e, setting, name) for e in branch._points], setting, name, bifurcations
         ), branch.end
@@ -186,9 +188,10 @@ def _one_way(
     budget = Budget(_COUNTED)
 
     def over() -> bool:
-        if _COUNTED - budget.left > _STEPS * most:
+        if _COUNTED - budget.left > _STEPS * steps.max_points:
             told.append(
-                f"steps are used up at {name} = {value_of(branch.orbits[-1], name):.10g}: give more `points`."
+                f"steps are used up at {name} = {value_of(branch.orbits[-1], name):.10g}: give `steps` more "
+                "`max_points`."
             )
         for new in branch.orbits[len(entries) :]:
             entries.append(_Entry(new, setting, name).shifted(entries[-1]))
@@ -197,9 +200,8 @@ def _one_way(
                 told.append(f"{SHRINKS} at {name} = {entries[-1].q:.10g}.")
         return bool(told)
 
-    steps = tuple(lengths[key] for key in ("step", "longest_step", "shortest_step"))
     with within(budget):
-        end = followed(branch, walk, back, to, steps, most, over)
+        end = followed(branch, walk, back, to, steps._lengths(*USUAL), steps.max_points, over)
     over()
     if told and told[0] == CLOSED:
         entries[-1] = entries[0]

@@ -1,6 +1,6 @@
 """Calls that do not fit the signature of what is called, in words: the wrong name, and the one that was meant.
 
-    sweep(system, x0=...)  ->  "sweep() has no argument `x0`; did you mean `start`?"
+    sweep(system, start=...)  ->  "sweep() has no argument `start`; did you mean `x0`?"
 
 Chain: Python's own TypeError -> **misfit** -> checks.door, which every public call passes.
 """
@@ -17,8 +17,8 @@ from typing import Any
 STEPS = ("rtol", "atol", "order", "max_step", "max_steps")
 RUNS = (*STEPS, "method", "max_seconds", "strict")  # of a map: to all that it looks for
 POINTS = (*STEPS, "method", "parameters")  # of compiled orbits
-SWEEPS = (*POINTS, "executor", "workers", "chunk", "store", "progress", "max_seconds")  # of sweep() itself
-KEPT = ("t_eval", "dense_output", "with_respect_to", "noise")
+SWEEPS = (*POINTS, "max_seconds")  # of sweep() itself
+KEPT = ("t_eval", "dense_output", "by", "noise")
 SOLVE = (*RUNS, *KEPT, "parameters", "local", "record", "threads")  # all
 # Names of one thing, here and in other packages.
 _ALIKE = (
@@ -28,6 +28,11 @@ _ALIKE = (
     ("parameters", "params", "args", "values"),
     ("max_step", "longest_step", "hmax", "dtmax", "dt"),
     ("max_seconds", "timeout", "budget"),
+    ("by", "with_respect_to", "wrt", "over", "free"),
+    ("seen", "period", "section", "direction", "phase", "symmetry"),
+    ("over", "parameter", "range", "ranges", "to"),
+    ("steps", "step", "longest_step", "shortest_step"),
+    ("work", "executor", "workers", "chunk", "store", "progress"),
     ("rtol", "reltol"),
     ("atol", "abstol"),
     ("method", "solver", "algorithm"),
@@ -37,7 +42,7 @@ _REMEDIES = {  # of options of solve() that a tool cannot pass on
     "parameters": "give `system.with_parameters({...})` as the system.",
     "t_eval": "it chooses its own times; leave it out.",
     "dense_output": "it chooses what its runs keep; leave it out.",
-    "with_respect_to": "it chooses what it differentiates by; leave it out.",
+    "by": "it chooses what it differentiates by; leave it out.",
     "noise": "it is for motions without noise; leave it out.",
     "record": "its runs keep their steps; leave it out.",
     "local": "its runs are those of the whole system; leave it out.",

@@ -121,7 +121,7 @@ def _marked(call: Any, tests: Mapping[str, Check] | None = None) -> Any:
 
 def _with_parameters(subject, values):
     """A system, or the scene of one, with other values of parameters."""
-    if hasattr(subject, "system") and hasattr(subject, "start"):
+    if hasattr(subject, "system") and hasattr(subject, "x0"):
         return dataclasses.replace(subject, system=_with_parameters(subject.system, values))
     return system(subject, "`system`").with_parameters(values)
 
@@ -501,9 +501,9 @@ def key(value, what):
 
 def system(value, what, functions=False):
     """`value`, which has to be a System or a view of one; of functions only where `functions` says so."""
-    if hasattr(value, "system") and hasattr(value, "start") and not hasattr(value, "model"):
+    if hasattr(value, "system") and hasattr(value, "x0") and not hasattr(value, "model"):
         raise TypeError(
-            f"{what} is a scene, {shown(value.name)}; give its `system`, with its `start`, or call its `solve()`."
+            f"{what} is a scene, {shown(value.name)}; give its `system`, with its `x0`, or call its `solve()`."
         )
     if isinstance(value, type) or not (hasattr(value, "model") and hasattr(value, "initial_state")):
         raise TypeError(

@@ -1,6 +1,6 @@
 """Columns of numbers in a text file, with commas, semicolons, tabs or spaces between them, by number or by name.
 
-Chain: **columns** -> definition/drives.py, fit/records.py.
+Chain: **columns** -> definition/drives.py, fitting/records.py.
 """
 
 from __future__ import annotations

@@ -10,12 +10,10 @@ ARGUMENTS = {
     "pwsmooth": """
 ax : Axes, optional
     Where to draw; a new figure by default.
-direction : {1, -1}
-    The section is crossed with its function rising or falling.
-longest_return : float, in the unit of the model's time
-    How long a trajectory may be on its way to the section.
-transient, keep : int
-    Periods or returns unseen, and then shown.
+work : Work, optional
+    Executor, workers, chunk, store, progress.
+seen : Strobe or Return
+    Once a period of the drive, or whenever an autonomous system crosses a surface.
 **options
     For `pwsmooth.solve`.
 -> Axes
@@ -160,7 +158,7 @@ t_span : (float, float), in the unit of the model's time
     As of `solve`.
 x0 : mapping of state to float, or sequence of float, length n
     As of `solve`, in the units of the states.
-with_respect_to : sequence of str or Symbol
+by : sequence of str or Symbol
     As of `solve`: parameters, initial values of states and memories, "t0".
 q : array_like, shape (k,)
     Values of the quantities, in their units.
@@ -177,7 +175,7 @@ start, end : float, in the unit of the model's time, optional
 -> Quantity
     In the unit of the expression.
 """,
-    "pwsmooth.fit": """
+    "pwsmooth.fitting": """
 rtol : float, dimensionless
     Of the runs.
 record : int
@@ -211,8 +209,8 @@ lam : Symbol
 sigmoid : {"algebraic", "tanh", "erf"} or Expr
     Shape L(u) of the layer; an expression is one in u.
 """,
-    "pwsmooth.sweep": """
-start : mapping of state to float, or sequence of float, length n
+    "pwsmooth.studies": """
+x0 : mapping of state to float, or sequence of float, length n
     Initial values of the states that are not swept, in their units.
 transient, periods : int
     Of the drive, or returns: unseen, and measured.
@@ -220,40 +218,24 @@ t_span : (float, float), in the unit of the model's time
     Without a drive or a section: the span of a run.
 measure_from : float, in the unit of the model's time
     With `t_span`: where in the span measuring begins.
-budget : float, s, optional
-    Of processor time, after which no further chunk begins.
+max_seconds : float, in units of processor time, s, optional
+    After these no further chunk begins.
 setting : Setting
     Names, letters, units and periods of the sweep.
 """,
-    "pwsmooth.sweep.basins": """
+    "pwsmooth.studies.attraction": """
 system : System
-    Driven with `period`, or autonomous with a `section`.
+    Driven, seen by a Strobe, or autonomous, seen by a Return.
 axes : mapping of name to sequence of float, any length
     The grid: starts of states, of `basins` also values of parameters, in their units.
-start : mapping of state to float, optional
+x0 : mapping of state to float, optional
     Values of the states that are no axes, in their units; of `basins` also expressions that follow the axes: {v: -2*x}.
-period : float or Expr, in the unit of the model's time
-    Of the drive; or
-longest : int
+max_count : int
     Longest orbit, in periods or returns, that counts as periodic.
 """,
-    "pwsmooth.sweep.quantities": """
+    "pwsmooth.studies.quantities": """
 *names : str or Symbol
     States, multipliers or outputs.
-""",
-    "pwsmooth.diagrams": """
-phase : float, dimensionless
-    Orbits are seen at the times (k + phase)*period.
-longest : int
-    Longest orbit that is looked for, in periods or returns.
-tol : float, dimensionless
-    How near two points of a trajectory are that count as one, relative to 1 + abs(x).
-depth : int
-    Of branches on branches on branches.
-workers : int, optional
-    Processes of one's own; by default all is done in this one. No value depends on it.
-progress : bool, optional
-    Whether it tells how far it is, by default on a terminal.
 """,
     "pwsmooth.compare.ladders": """
 build : callable
@@ -283,11 +265,11 @@ of : str
 method : str
     One of `methods`.
 """,
-    "pwsmooth.compare.work_precision.charts": """
+    "pwsmooth.compare.efficiency.charts": """
 axes : Axes
     Where to draw.
 """,
-    "pwsmooth.compare.work_precision": """
+    "pwsmooth.compare.efficiency": """
 error : float, dimensionless
     Of the state, in units of its sizes.
 work : {"seconds", "evaluations"}
@@ -323,19 +305,24 @@ HOMES = {
         ResidualHuntCrossley ResidualIndentation RigidImpact composite_modulus contact_duration damping_factor
         effective_restitution exact_eta hertz_stiffness journal_stiffness maximal_indentation phase_curve
         restitution""",
-    "pwsmooth.fit": "Record compare fit fit_law",
+    "pwsmooth.fitting": "Record compare fit_law",
     "pwsmooth.costs": """
-        Objective at at_event duration event_time final integral largest minimise misfit smallest value_and_gradient""",
-    "pwsmooth.sweep": """
-        Amplitude Cost Extremes Function Itinerary Lyapunov Measure Period Points Statistics Window make_plan
-        read_store refine""",
-    "pwsmooth.diagrams": "Found Meeting read_diagram read_set",
+        Objective at at_event duration event_time final integral largest misfit smallest value_and_gradient""",
+    "pwsmooth.studies": """
+        Amplitude Cost Extremes Function Itinerary Lyapunov Measure Period Points Statistics Window Work
+        ensemble make_plan orbit_diagram read_store refine refine_basins""",
+    "pwsmooth.diagrams": "Found Meeting read_diagram",
     "pwsmooth.compare": "CASES METHODS case_of ladder stability work_precision",
     "pwsmooth.compare.exact": "Check ExactProblem problems verify",
     "pwsmooth.compare.hazards": "Axis Finding Hazard",
     "pwsmooth.compare.ladders": """
         Observable Rung Step amplitude centre contact_rungs contact_setting curve end_value friction_rungs
         friction_setting judge least peak period recommend scenes setting_of share_below""",
+    "pwsmooth.analysis.continuation": "Steps",
+    "pwsmooth.analysis.equilibria": "equilibria",
+    "pwsmooth.analysis.global_objects": "manifold sliding_portrait",
+    "pwsmooth.analysis.lyapunov": "lyapunov_exponents",
+    "pwsmooth.families": "Activity Histogram Recorder SlipHistogram",
     "pwsmooth.analysis.maps": "Stroboscopic variations",
     "pwsmooth.analysis.sticking": "fold",
 }

@@ -1,6 +1,6 @@
 """All laws of the package by name, and which of them a place takes: a scene, the command line and the page ask here.
 
-Chain: laws/friction, laws/contact -> **catalogue** -> scenes/drive.py, sweep/study.py, explore/subject.py.
+Chain: laws/friction, laws/contact -> **catalogue** -> scenes/drive.py, studies/study.py, explorer/subject.py.
 """
 
 from __future__ import annotations

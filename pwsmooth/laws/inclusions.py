@@ -11,7 +11,7 @@ import sympy as sp
 
 from ..door import checks
 
-__all__ = ["clip", "dio_defect", "max_of_dio", "sat_of_sgn", "sgn_defect"]
+__all__ = ["dio_defect", "max_of_dio", "sat_of_sgn", "sgn_defect"]
 
 
 @checks.door(x=checks.velocity, limit=checks.expression)

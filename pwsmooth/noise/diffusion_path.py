@@ -38,9 +38,7 @@ def why_not(model: Model, call: Call) -> str:
         what = "`local` is True" if call.local else "`record` is given"
         raise ValueError(f"{what}, but a diffusion is a run of the whole system; leave it out.")
     if call.wanted is not None:
-        raise ValueError(
-            "`with_respect_to` is given for a diffusion, which has no derivatives; leave `noise` out."
-        )
+        raise ValueError("`by` is given for a diffusion, which has no derivatives; leave `noise` out.")
     if options.dense:
         raise ValueError(
             "`dense_output` is True, but a diffusion has no polynomials; ask for times by `t_eval`."

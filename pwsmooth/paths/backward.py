@@ -48,7 +48,7 @@ def why_not(model: Model, call: Call) -> str:
     several = call.noise is not None or options.dense or options.method == "stiff" or call.wanted is not None
     if several or call.local or call.record is not None:
         raise ValueError(
-            "`t_span` decreases: backward in time there is no `noise`, no `dense_output`, no `with_respect_to`, no "
+            "`t_span` decreases: backward in time there is no `noise`, no `dense_output`, no `by`, no "
             "method 'stiff', no `record`, and nothing is `local`; give `t_eval` for wanted times."
         )
     return ""

@@ -195,7 +195,7 @@ def _end_of(before: Solution, system: Any, t0: float) -> np.ndarray:
     return before.x[:, -1]
 
 
-def without_start(system: Any, *, atol: Any, noise: Any, with_respect_to: Any, record: Any, **how: Any) -> Call:
+def without_start(system: Any, *, atol: Any, noise: Any, by: Any, record: Any, **how: Any) -> Call:
     """A call of which is known how it runs, and not yet from where and over which span."""
     if type(atol) is not float or not 0 <= atol < math.inf:
         given = checks.absolute_tolerance(atol, system.model.states)
@@ -213,9 +213,9 @@ def without_start(system: Any, *, atol: Any, noise: Any, with_respect_to: Any, r
     if record is not None:
         checks.instance(Recorder, "Recorder(...)")(record, "`record`")
     wanted = None
-    if with_respect_to is not None:
+    if by is not None:
         system = system._written_out()
-        wanted = quantities(system, with_respect_to)
+        wanted = quantities(system, by)
     elif (options.dense or options.method == "stiff") and not (local or record):
         system = system._without_levels()
     return Call(

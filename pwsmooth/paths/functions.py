@@ -24,7 +24,7 @@ def why_not(model: Model, call: Call) -> str:
     asked = {
         f"`method` is {call.options.method!r}": call.options.method not in ("auto", "rk"),
         "`noise` is given": call.noise is not None,
-        "`with_respect_to` is given": call.wanted is not None,
+        "`by` is given": call.wanted is not None,
         "`t_span` decreases": call.span[0] > call.span[1],
         "`local` is True": call.local,
     }

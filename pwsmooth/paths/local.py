@@ -74,7 +74,7 @@ def _why_whole(model: Model, call: Call) -> str:
         "a smoothed view": is_smoothed(model),
         "`dense_output`": call.options.dense,
         "`noise`": call.random is not None,
-        "`with_respect_to`": call.wanted is not None,
+        "`by`": call.wanted is not None,
         f"method {call.options.method!r}": call.options.method not in ("auto", "taylor"),
     }
     for what, so in whole.items():

@@ -62,7 +62,7 @@ def why_not(model: Model, call: Call) -> str:
         )
     if options.method in stiff.SCIPY_METHODS and call.wanted is not None:
         raise ValueError(
-            "`with_respect_to` is given for one of SciPy's methods, which have no derivatives; leave `method` out."
+            "`by` is given for one of SciPy's methods, which have no derivatives; leave `method` out."
         )
     if options.method in stiff.SCIPY_METHODS and call.random is not None:
         raise ValueError(

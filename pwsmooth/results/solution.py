@@ -96,7 +96,7 @@ class Solution(Described):
     course : (ndarray, shape (k,), and ndarray, shape (m, k)), or None
         As given.
     derivatives : Derivatives or None
-        By the quantities of `solve(with_respect_to=...)`.
+        By the quantities of `solve(by=...)`.
 
     Notes
     -----
@@ -161,11 +161,11 @@ class Solution(Described):
         self.recorded: Any = None  # elements of a large family that were kept, and its events
         self.catalogue: Any = None
         self.statistics: Any = None  # of its events, by name
-        self.derived: Any = None  # what makes the Derivatives of a run with_respect_to=...
+        self.derived: Any = None  # what makes the Derivatives of a run by=...
 
     @property
     def derivatives(self) -> Any:
-        """The `Derivatives` of a run that was solved with `with_respect_to`; None of any other."""
+        """The `Derivatives` of a run that was solved with `by`; None of any other."""
         # Made anew, on numbers that are kept: a solution that held what holds it would wait for the garbage collector.
         return None if self.derived is None else self.derived(self)
 

@@ -42,7 +42,7 @@ def _blocks(name, law, family, stretch, values, rough, seed, t_span, in_a_row=Fa
     names = [family.at(x, k) for k in range(1, family.n + 1)] if in_a_row and family.n <= _FEW else []
     return scene_of(
         name, law, t_span, rates, [pieces], ("x", "v"), parameters=dict(zip((mass, spring, link, speed), values)),
-        start=dict(zip(family.at(x, slice(None)), places.tolist())) | {v: values[-1]},
+        x0=dict(zip(family.at(x, slice(None)), places.tolist())) | {v: values[-1]},
         sketch=sketches.chain_of_blocks(names) if names else None,
     )  # fmt: skip
 
@@ -474,6 +474,6 @@ def element_cloud(
         raise ValueError(f"`law` is {type(law).__name__}, which has no states; `prescribed_motion` takes it.")
     shown = {"force": pieces.force, "position": place}
     return scene_of(
-        "cloud of elements", law, t_span, {}, [pieces], (*shown, *pieces.outputs), period=period, start={},
+        "cloud of elements", law, t_span, {}, [pieces], (*shown, *pieces.outputs), period=period, x0={},
         parameters=values, outputs=shown,
     )  # fmt: skip

@@ -28,7 +28,7 @@ IN_PLANE, SPINNING = Takes("friction", in_plane=True), Takes("friction", spins=T
 DOOR: dict[str, checks.Check] = {
     "m": checks.positive,
     "t_span": lambda value, what: value if value is None else checks.span(value, what),
-    "period": checks.optional(checks.positive), "parameters": checks.optional(checks.values), "start": checks.pair,
+    "period": checks.optional(checks.positive), "parameters": checks.optional(checks.values), "x0": checks.pair,
 }  # fmt: skip
 
 

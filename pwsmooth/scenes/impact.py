@@ -111,7 +111,7 @@ def falling_ball(
 
 @door(
     "m",
-    "start",
+    "x0",
     law=OF_CONTACT,
     omega=checks.positive,
     **dict.fromkeys(("d", "k", "c", "amplitude"), checks.number),
@@ -126,7 +126,7 @@ def impact_oscillator(
     amplitude: float = 1.0,
     omega: float = 0.8,
     t_span: tuple[float, float] = (0.0, 60.0),
-    start: tuple[float, float] = (0.0, 0.0),
+    x0: tuple[float, float] = (0.0, 0.0),
 ) -> Scene:
     """A forced mass on a spring with a stop at x = d:  m x'' + c x' + k x = amplitude cos(omega t) - F(x - d).
 
@@ -136,7 +136,7 @@ def impact_oscillator(
         A contact law, of the stop.
     d : float, m
         Where the stop stands, from the spring's rest.
-    start : (float, float), m and m/s
+    x0 : (float, float), m and m/s
         x and its velocity; x <= d.
 
     Returns
@@ -161,14 +161,14 @@ def impact_oscillator(
     0.99 False
     1.01 True
     """
-    if start[0] > d:
-        raise ValueError(f"`start` has x = {start[0]:g}, inside the stop at d = {d:g}; give x <= d.")
+    if x0[0] > d:
+        raise ValueError(f"`x0` has x = {x0[0]:g}, inside the stop at d = {d:g}; give x <= d.")
     strength, frequency, where = sp.symbols("amplitude omega d", real=True)
     x = p + where
     drive = strength * sp.cos(frequency * t) - spring * x - damper * v
     values = {mass: m, spring: k, damper: c, strength: amplitude, frequency: omega, where: d}
-    begin = {p: start[0] - d, v: start[1]}
-    reach = max(abs(amplitude / k) if k else 0.0, abs(d), abs(start[0]), 0.1)
+    begin = {p: x0[0] - d, v: x0[1]}
+    reach = max(abs(amplitude / k) if k else 0.0, abs(d), abs(x0[0]), 0.1)
     return _scene("impact oscillator", law, drive, begin, t_span, values, outputs={"x": x},
                   period=2 * math.pi / omega, sketch=sketches.block_before_a_stop(p, where, d, reach))  # fmt: skip
 
@@ -266,8 +266,8 @@ def _scene(name, law, drive, start, t_span, parameters, *, speed=None, potential
     note = f"{law.source}{'; ' + law.certainty if law.certainty else ''}"
     scene = scene_of(
         name, law, t_span, rates, pieces, ("p", "v", *shown, *pieces.outputs), period=period,
-        units=UNITS | law.units(), note=note, start=start, parameters=parameters, outputs=shown, sketch=sketch,
+        units=UNITS | law.units(), note=note, x0=start, parameters=parameters, outputs=shown, sketch=sketch,
     )  # fmt: skip
     if speed is not None and start[p] >= 0 and "speed" in {m.name for m in scene.system.initial_memory}:
-        scene.start["speed"] = speed  # it starts at the instant of touch-down, which no event precedes
+        scene.x0["speed"] = speed  # it starts at the instant of touch-down, which no event precedes
     return scene

@@ -46,7 +46,7 @@ def _scene(name, law, force, t_span, start, *, normal=None, plate=(0, 0), place=
              "slip_speed": sp.sqrt(slip[0] ** 2 + slip[1] ** 2), **(outputs or {})}  # fmt: skip
     begin = dict(zip(rates, map(float, start), strict=True))
     return scene_of(name, law, t_span, rates, [pieces], (*map(str, rates), *shown, *pieces.outputs), period=period,
-                    start=begin, parameters=parameters, outputs=shown, drives=drives)  # fmt: skip
+                    x0=begin, parameters=parameters, outputs=shown, drives=drives)  # fmt: skip
 
 
 def _two_of(*names: str) -> dict[str, checks.Check]:

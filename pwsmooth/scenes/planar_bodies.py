@@ -67,7 +67,7 @@ def spinning_disc(
     }
     shown = dict(zip(("friction_x", "friction_y", "moment"), pieces.force, strict=True))
     begin = dict(zip(rates, (0.0, 0.0, 0.0, *map(float, velocity), float(spin)), strict=True))
-    return scene_of("spinning disc", law, t_span, rates, [pieces], (*map(str, rates), *shown), start=begin,
+    return scene_of("spinning disc", law, t_span, rates, [pieces], (*map(str, rates), *shown), x0=begin,
                     parameters={mass: m, about: inertia} | dict(zip(pushes, map(float, push), strict=True)),
                     outputs=shown)  # fmt: skip
 
@@ -127,7 +127,7 @@ def gripped_bar(
              spin: (x * F_y - y * F_x - M) / about}  # fmt: skip
     shown = dict(zip(("friction_x", "friction_y", "moment"), pieces.force, strict=True))
     begin = dict.fromkeys(rates, 0.0) | {x: arm}
-    return scene_of("gripped bar", law, t_span, rates, [pieces], (*map(str, rates), *shown), start=begin,
+    return scene_of("gripped bar", law, t_span, rates, [pieces], (*map(str, rates), *shown), x0=begin,
                     parameters={mass: m, about: inertia, weight: g}, outputs=shown)  # fmt: skip
 
 
@@ -181,7 +181,7 @@ def billiard_ball(
              omega_x: (-size * second - moment[0]) / about, omega_y: (size * first - moment[1]) / about}  # fmt: skip
     shown = {"slip_x": slip[0], "slip_y": slip[1]}
     begin = dict(zip(rates, (0.0, 0.0, *map(float, velocity), *map(float, spins)), strict=True))
-    return scene_of("ball", law, t_span, rates, pieces, (*map(str, rates), *shown), start=begin,
+    return scene_of("ball", law, t_span, rates, pieces, (*map(str, rates), *shown), x0=begin,
                     parameters={mass: m, about: inertia, weight: g, size: radius}, outputs=shown)  # fmt: skip
 
 
@@ -244,7 +244,7 @@ def caster(
         wheel_rate: speed * math.cos(swivel) / radius,
     }
     values = {arm: trail, size: radius, about_pivot: inertia, of_wheel: wheel, pull: speed, weight: load}
-    return scene_of("caster", law, t_span, rates, [pieces], (*map(str, rates), *shown), start=begin,
+    return scene_of("caster", law, t_span, rates, [pieces], (*map(str, rates), *shown), x0=begin,
                     parameters=values, outputs=shown)  # fmt: skip
 
 
@@ -307,5 +307,5 @@ def stacked_plates(
              "ground_x": below.force[0], "ground_y": below.force[1]}  # fmt: skip
     begin = dict.fromkeys(rates, 0.0) | dict(zip(speeds, map(float, (*block, *plate)), strict=True))
     values = dict(zip(heavy, map(float, masses), strict=True)) | {weight: g}
-    return scene_of("stacked plates", law, t_span, rates, [between, below], (*map(str, rates), *shown), start=begin,
+    return scene_of("stacked plates", law, t_span, rates, [between, below], (*map(str, rates), *shown), x0=begin,
                     parameters=values, outputs=shown)  # fmt: skip

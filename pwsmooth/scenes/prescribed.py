@@ -110,7 +110,7 @@ def prescribed_motion(
     }
     seen = sorted({*shown, *pieces.outputs, *(("work",) if work else ())})
     return scene_of(
-        "prescribed motion", law, t_span, own, [pieces], seen, period=period, start=begins, parameters=values,
+        "prescribed motion", law, t_span, own, [pieces], seen, period=period, x0=begins, parameters=values,
         outputs=shown, drives=drives,
     )  # fmt: skip
 

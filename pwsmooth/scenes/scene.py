@@ -13,7 +13,7 @@ from ..door import calls, checks
 from ..door.describe import Described, Rows, listed, values
 from ..laws import Pieces
 from ..results.solution import Solution
-from ..solve import solve
+from ..solving import solve
 from ..system import System
 from . import drive
 from .sketch import Sketch
@@ -34,7 +34,7 @@ class Scene(Described):
         For titles.
     system : System
         The model.
-    start : mapping of state name to float
+    x0 : mapping of state name to float
         Initial state, in the units of the states.
     period : float, s, optional
         Period of the forcing; None if there is none.
@@ -60,7 +60,7 @@ class Scene(Described):
 
     name: str
     system: System
-    start: Mapping[str, float]
+    x0: Mapping[str, float]
     t_span: tuple[float, float]
     period: float | None = None
     observables: Mapping[str, str | Callable[[Solution], Any]] = field(default_factory=dict)
@@ -71,7 +71,7 @@ class Scene(Described):
 
     def __post_init__(self) -> None:
         checks.fields(
-            self, name=checks.name, system=checks.system, start=checks.mapping, t_span=checks.span,
+            self, name=checks.name, system=checks.system, x0=checks.mapping, t_span=checks.span,
             period=checks.optional(checks.positive), observables=checks.mapping, units=checks.mapping,
             note=checks.name, atol=checks.mapping,
             sketch=checks.optional(checks.instance(Sketch, "a Sketch of shapes")),
@@ -82,7 +82,7 @@ class Scene(Described):
         return f"Scene: {self.name}", {
             "span": [f"{self.t_span[0]:.9g} to {self.t_span[1]:.9g}"],
             "period": [] if self.period is None else [f"{self.period:.9g}"],
-            "start": values(self.start, self.start.values()),
+            "x0": values(self.x0, self.x0.values()),
             "observables": listed(list(self.observables)),
             "note": [self.note] if self.note else [],
             **dict(of_system),
@@ -90,7 +90,7 @@ class Scene(Described):
 
     @checks.door(calls.SOLVE)
     def solve(self, t_span: Any = None, x0: Any = None, **options: Any) -> Solution:
-        """Solve the system from `start` over `t_span`; both may be replaced.
+        """Solve the system from `x0` over `t_span`; both may be replaced.
 
         Parameters
         ----------
@@ -107,7 +107,7 @@ class Scene(Described):
         if self.atol:
             options.setdefault("atol", [self.atol.get(s.name, ATOL) for s in self.system.states])
         solution = solve(
-            self.system, self.t_span if t_span is None else t_span, self.start if x0 is None else x0, **options
+            self.system, self.t_span if t_span is None else t_span, self.x0 if x0 is None else x0, **options
         )
         solution.sketch = self.sketch
         return solution
@@ -144,7 +144,7 @@ def scene_of(
 
 
 @checks.door(
-    rates=checks.mapping, start=checks.mapping, begin=checks.number,
+    rates=checks.mapping, x0=checks.mapping, begin=checks.number,
     **dict.fromkeys(("parameters", "outputs"), checks.optional(checks.mapping)),
     **dict.fromkeys(("events", "contacts", "algebraic"), checks.several),
 )  # fmt: skip
@@ -153,7 +153,7 @@ def assemble(
     pieces: Pieces | Iterable[Pieces],
     *,
     time: Any = None,
-    start: Mapping[Any, float],
+    x0: Mapping[Any, float],
     parameters: Mapping[Any, Any] | None = None,
     outputs: Mapping[str, Any] | None = None,
     events: Iterable[Any] = (),
@@ -172,7 +172,7 @@ def assemble(
         What laws brought to its joints.
     time : Symbol, optional
         Needed if time stands in an expression.
-    start : mapping of state to float
+    x0 : mapping of state to float
         Initial values of the mechanism's states, in their units; laws bring their own, which may be expressions of
         the motion at the time `begin`.
     parameters : mapping of Symbol to float, optional
@@ -201,14 +201,14 @@ def assemble(
     >>> x, v = sp.symbols("x v", real=True)
     >>> right = Hertz().attach(position=x - 1, velocity=v, name="right")
     >>> left = Hertz().attach(position=-1 - x, velocity=-v, name="left")
-    >>> system, begin, atol = assemble({x: v, v: left.force - right.force}, [left, right], start={x: 0.0, v: 1.0})
+    >>> system, begin, atol = assemble({x: v, v: left.force - right.force}, [left, right], x0={x: 0.0, v: 1.0})
     >>> solution = solve(system, (0, 4), begin)
     >>> [event.switch for event in solution.events if event.kind == "reset"]
     ['touch-down_right', 'lift-off_right', 'touch-down_left', 'lift-off_left']
     """
     all_pieces = [pieces] if isinstance(pieces, Pieces) else checks.all_of_kind("pieces", pieces, Pieces)
     rates, values, shown = dict(rates), dict(parameters or {}), dict(outputs or {})
-    first = dict(start)
+    first = dict(x0)
     parts = {"events": list(events), "contacts": list(contacts), "algebraic": list(algebraic)}
     for piece in all_pieces:
         for mine, theirs in ((rates, piece.rates), (values, piece.parameters), (shown, piece.outputs)):
@@ -226,8 +226,8 @@ def assemble(
     groups = system.groups
     known = {p.name: v for p, v in system.parameters.items()} | ({} if time is None else {str(time): begin})
     known |= {str(symbol): record.at(begin) for symbol, record in (drives or {}).items()}
-    for own in (start, first):  # the mechanism's own are numbers; a law's may be expressions of them
-        known |= {str(key): drive.value(e, known, f"`start`, value of {key}") for key, e in own.items()}
+    for own in (x0, first):  # the mechanism's own are numbers; a law's may be expressions of them
+        known |= {str(key): drive.value(e, known, f"`x0`, value of {key}") for key, e in own.items()}
 
     def each(of: Mapping[Any, Any], number: Callable[[Any], float]) -> dict[str, float]:
         return {name: number(e) for key, e in of.items() for name in groups.get(str(key), (str(key),))}

@@ -150,7 +150,7 @@ def slider_crank(
         "slider-crank", normal, (0.0, revolutions * period), rates, joint.pieces, outputs, period=period, units=UNITS,
         note="masses and lengths: Wang, Liu, Ma 2016, Table 4; centre of mass, crank speed, radii, joint length, "
         f"material and friction assumed. Contact: {normal.source}",
-        start={e_x: start[0], e_y: start[1], u_x: 0.0, u_y: 0.0}, parameters=values, outputs=outputs,
+        x0={e_x: start[0], e_y: start[1], u_x: 0.0, u_y: 0.0}, parameters=values, outputs=outputs,
         events=joint.events, sketch=sketches.slider_crank(crank, rod, clearance),
     )  # fmt: skip
     # The indentation is about a hundredth of the clearance, and is wanted to many digits.

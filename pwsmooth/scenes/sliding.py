@@ -37,7 +37,7 @@ def _scene(name, law, drive, rates, start, t_span, *, position=x, normal=None, p
     shown = {"friction": pieces.force, "drive": drive, **(outputs or {})}
     return scene_of(
         name, law, t_span, rates, [pieces], (*map(str, rates), *shown, *pieces.outputs), period=period,
-        start=start, parameters=parameters, outputs=shown, algebraic=unknowns, drives=drives, sketch=sketch,
+        x0=start, parameters=parameters, outputs=shown, algebraic=unknowns, drives=drives, sketch=sketch,
     )  # fmt: skip
 
 
@@ -134,10 +134,10 @@ def block_on_belt(
                   sketch=sketches.block_on_belt(e, speed, _reach(law, k), "lam"))  # fmt: skip
 
 
-@door("m", "start", law=OF_FRICTION, **dict.fromkeys(("k", "c", "amplitude", "omega"), checks.number))
+@door("m", "x0", law=OF_FRICTION, **dict.fromkeys(("k", "c", "amplitude", "omega"), checks.number))
 def friction_oscillator(
     law: Law, *, k: float = 3.1, c: float = 0.1, m: float = 1.0, amplitude: float = 2.4, omega: float = 1.0,
-    normal: Any = None, t_span: tuple[float, float] = (0.0, 60.0), start: tuple[float, float] = (0.5, 0.3),
+    normal: Any = None, t_span: tuple[float, float] = (0.0, 60.0), x0: tuple[float, float] = (0.5, 0.3),
 ) -> Scene:  # fmt: skip
     """A mass on a spring under -amplitude sin(omega t), with any law in place of the hidden one.
 
@@ -145,7 +145,7 @@ def friction_oscillator(
     ----------
     law : Law
         `HiddenStatic` gives the oscillator of the solid-friction paper.
-    start : (float, float), m and m/s
+    x0 : (float, float), m and m/s
         Displacement and velocity.
 
     Returns
@@ -163,9 +163,9 @@ def friction_oscillator(
     strength, frequency = sp.symbols("amplitude omega", nonnegative=True)
     values = {mass: m, spring: k, damper: c, strength: amplitude, frequency: omega}
     drive = -strength * sp.sin(frequency * t) - spring * y - damper * v
-    begin = dict(zip((y, v), start))
+    begin = dict(zip((y, v), x0))
     period = 2 * math.pi / omega if omega else None
-    reach = max(abs(amplitude / k) if k else 0.0, abs(start[0]), 0.1)
+    reach = max(abs(amplitude / k) if k else 0.0, abs(x0[0]), 0.1)
     return _scene("friction oscillator", law, drive, {y: v}, begin, t_span, position=y, normal=normal,
                   parameters=values, period=period,
                   sketch=sketches.block_on_spring(y, reach, abs(amplitude) or 1.0, "lam"))  # fmt: skip

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import System, equilibria, find_orbit, follow
+from pwsmooth import Return, System, find_orbit, follow
+from pwsmooth.analysis.equilibria import equilibria
 
 x, y, a, g = sp.symbols("x y a g", real=True)
 
@@ -25,7 +26,7 @@ def focus(growth, time=1):
 
 def boundary(system):
     (regular,) = (e for e in equilibria(system, {x: (-3, 3), y: (-3, 3)}) if e.kind == "regular")
-    return next(b for b in follow(regular, a, to=-0.5).bifurcations if b.kind.startswith("boundary"))
+    return next(b for b in follow(regular, {a: -0.5}).bifurcations if b.kind.startswith("boundary"))
 
 
 def lands_before_rest(growth):
@@ -57,7 +58,7 @@ def test_the_cycle_that_is_told_of_is_there_and_shrinks_in_proportion():
     sizes = []
     for value in (0.4, 0.1):
         cycle = find_orbit(
-            system.with_parameters({a: value}), {x: 0, y: 2 * value}, section=y - value, direction=-1, transient=20
+            system.with_parameters({a: value}), {x: 0, y: 2 * value}, seen=Return(y - value, direction=-1), transient=20
         )  # fmt: skip
         assert cycle.success and cycle.stable and any(kind == "stick" for _, kind, _ in cycle.word)
         sizes.append(np.abs(cycle.x[0]) / value)
@@ -81,5 +82,5 @@ def test_a_node_and_other_states_beside_are_not_taken_for_foci():
          z: -z}, parameters={a: 0.5},
     )  # fmt: skip
     (regular,) = (e for e in equilibria(more, {x: (-3, 3), y: (-3, 3), z: (-1, 1)}) if e.kind == "regular")
-    found = next(b for b in follow(regular, a, to=-0.5).bifurcations if b.kind.startswith("boundary"))
+    found = next(b for b in follow(regular, {a: -0.5}).bifurcations if b.kind.startswith("boundary"))
     assert found.cycle is None

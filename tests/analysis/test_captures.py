@@ -6,7 +6,7 @@ import sympy as sp
 from friction_oscillator import coulomb, hidden, omega, sigma, v, y, z
 from scipy.optimize import brentq
 
-from pwsmooth import Event, Switch, System, find_orbit, follow, follow_curve, solve
+from pwsmooth import Event, Strobe, Switch, System, find_orbit, follow, solve
 from pwsmooth.analysis.continuation.conditions.captures import clearances
 from pwsmooth.analysis.maps.holding import strength_of
 from pwsmooth.analysis.sticking.capture import capture_threshold, critical_ratio
@@ -19,7 +19,7 @@ RATIO = 0.3
 def symmetric(ratio, start, **values):
     """The orbit through a start, of the friction oscillator at rho = 3 and a ratio r = eps/beta."""
     layered = hidden().layered({z: ratio}).with_parameters(values)
-    return find_orbit(layered, start, period=2 * sp.pi, symmetry={y: -y, v: -v}, transient=50)
+    return find_orbit(layered, start, seen=Strobe(2 * sp.pi, symmetry={y: -y, v: -v}), transient=50)
 
 
 @pytest.fixture(scope="module")
@@ -34,8 +34,8 @@ def slipping():
 
 @pytest.fixture(scope="module")
 def thresholds(sticking, slipping):
-    near = follow(slipping, sigma, to=3.8).orbits[-1]  # with a saddle in the layer at its arrivals
-    return [follow_curve(orbit, RANGES, kind="capture") for orbit in (sticking, near)]
+    near = follow(slipping, {sigma: 3.8}).orbits[-1]  # with a saddle in the layer at its arrivals
+    return [follow(orbit, RANGES, kind="capture") for orbit in (sticking, near)]
 
 
 @pytest.mark.parametrize("ratio", [0.01, 0.3, 0.6])
@@ -72,17 +72,19 @@ def test_both_curves_end_where_the_ratio_lets_the_fold_capture(thresholds):
     assert ends[0]["sigma"] == pytest.approx(ends[1]["sigma"], abs=1e-7)
     # There is the crossing-sliding of the slaved view, which captures up to the fold.
     slaved = hidden().layered({z: sp.oo}).with_parameters({"sigma": 3.5})
-    orbit = find_orbit(slaved, {y: 0.78, v: -1.03}, period=2 * sp.pi, symmetry={y: -y, v: -v}, transient=50)
-    (crossing,) = follow(orbit, sigma, to=4.2).of_kind("crossing-sliding")
+    orbit = find_orbit(
+        slaved, {y: 0.78, v: -1.03}, seen=Strobe(2 * sp.pi, symmetry={y: -y, v: -v}), transient=50
+    )
+    (crossing,) = follow(orbit, {sigma: 4.2}).of_kind("crossing-sliding")
     assert ends[0]["sigma"] == pytest.approx(crossing.parameter, abs=1e-7)
 
 
 def test_branches_end_at_captures_on_the_curves(sticking, slipping, thresholds):
     for orbit, to, curve in ((sticking, 4.0, thresholds[0]), (slipping, 3.0, thresholds[1])):
-        branch = follow(orbit, sigma, to=to)
+        branch = follow(orbit, {sigma: to})
         found = branch.bifurcations[-1]
         assert found.kind == "capture" and "just captured" in branch.end
-        at = follow_curve(found, {"ratio_z": (RATIO, 0.4), "sigma": (2, 5)}).values
+        at = follow(found, {"ratio_z": (RATIO, 0.4), "sigma": (2, 5)}).values
         assert at[0].min() == pytest.approx(RATIO, abs=1e-9)
         assert curve.values[1].min() < found.parameter < curve.values[1].max()
         assert found.parameter == pytest.approx(at[1, np.argmin(at[0])], abs=2 * found.uncertainty)
@@ -91,15 +93,15 @@ def test_branches_end_at_captures_on_the_curves(sticking, slipping, thresholds):
 def test_the_sign_of_the_clearance_tells_who_is_captured(sticking, slipping):
     ((_, _, above),) = clearances(sticking)
     assert above > 0
-    near = follow(slipping, sigma, to=3.76).orbits[-1]
+    near = follow(slipping, {sigma: 3.76}).orbits[-1]
     ((_, _, below),) = clearances(near)
     assert below < 0
 
 
 def test_broken_symmetry_ends_where_its_contact_is_not_captured_any_more():
     orbit = symmetric(RATIO, {y: 0.78, v: -1.03}, sigma=2.8)
-    (broken,) = follow(orbit, sigma, to=3.2).of_kind("symmetry breaking")
-    curve = follow_curve(broken, {"ratio_z": (0.02, 1), "sigma": (0.5, 5)})
+    (broken,) = follow(orbit, {sigma: 3.2}).of_kind("symmetry breaking")
+    curve = follow(broken, {"ratio_z": (0.02, 1), "sigma": (0.5, 5)})
     (end,) = curve.of_kind("symmetry breaking + capture")
     assert np.ptp(curve.values[1]) < 1e-8  # the slow motion does not know of the ratio
     run = solve(coulomb(sigma=end.values["sigma"]), (0, np.pi), list(broken.orbit.x), rtol=1e-12, atol=1e-14)
@@ -111,9 +113,11 @@ def test_broken_symmetry_ends_where_its_contact_is_not_captured_any_more():
 
 
 def test_without_a_hidden_term_there_is_no_threshold():
-    orbit = find_orbit(coulomb(), {y: 0.78, v: -1.03}, period=2 * sp.pi, symmetry={y: -y, v: -v}, transient=50)
+    orbit = find_orbit(
+        coulomb(), {y: 0.78, v: -1.03}, seen=Strobe(2 * sp.pi, symmetry={y: -y, v: -v}), transient=50
+    )
     with pytest.raises(ValueError, match="at no capture threshold"):
-        follow_curve(orbit, {"k": (2, 4), "sigma": (1, 6)}, kind="capture")
+        follow(orbit, {"k": (2, 4), "sigma": (1, 6)}, kind="capture")
 
 
 # ---- a layer without states: its fold decides
@@ -129,7 +133,7 @@ def test_a_contact_is_captured_where_the_fold_of_its_layer_holds_it(first, to):
         {x: -a * (2 + sp.cos(t - 0.2)) / 3 - lam * (1 + rho * (1 - lam**2))}, time=t, parameters={a: first, rho: 3},
         events=[Event(every=2 * sp.pi, update={x: 1})],
     )  # fmt: skip
-    branch = follow(find_orbit(falling, {x: 1}, period=2 * sp.pi, phase=0.05), a, to=to)
+    branch = follow(find_orbit(falling, {x: 1}, seen=Strobe(2 * sp.pi, phase=0.05)), {a: to})
 
     def exact(strength):
         fold = np.sqrt((1 + strength) / (3 * strength))
@@ -146,7 +150,7 @@ def test_a_contact_is_captured_where_the_fold_of_its_layer_holds_it(first, to):
         exact(3), abs=1e-5
     )  # as finely as a jump is enclosed
     assert len(branch.places) == len(branch.bifurcations)  # where a diagram finds it
-    curve = follow_curve(branch.bifurcations[-1], {rho: (1, 5), a: (0.5, 5)})
+    curve = follow(branch.bifurcations[-1], {rho: (1, 5), a: (0.5, 5)})
     strength, force = curve.values
     assert np.ptp(strength) == 4 and len(strength) > 10
     assert np.abs(force - [exact(one) for one in strength]).max() < 1e-9
@@ -155,9 +159,9 @@ def test_a_contact_is_captured_where_the_fold_of_its_layer_holds_it(first, to):
 def test_captures_end_where_what_is_held_is_let_go_at_once():
     # There the curve of crossing-sliding of the other contact meets them, and both orbits are the same.
     layered = hidden(omega=0.9051721488540027, sigma=4.3650245184496095).layered({z: sp.oo})
-    orbit = find_orbit(layered, {y: 0.5, v: 0.3}, period=2 * sp.pi / omega, transient=100)
-    capture = follow(orbit, "omega", to=0.4).bifurcations[-1]
-    curve = follow_curve(capture, {"omega": (0.4, 3), "sigma": (0.5, 5)})
+    orbit = find_orbit(layered, {y: 0.5, v: 0.3}, seen=Strobe(2 * sp.pi / omega), transient=100)
+    capture = follow(orbit, {"omega": 0.4}).bifurcations[-1]
+    curve = follow(capture, {"omega": (0.4, 3), "sigma": (0.5, 5)})
     (end,) = curve.of_kind("capture + crossing-sliding")
     assert end.values["omega"] == pytest.approx(0.86061, abs=1e-4) and "reached sigma = 5." in curve.ends
 

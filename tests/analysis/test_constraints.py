@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 from sympy.physics import mechanics as me
 
-from pwsmooth import Solution, System, find_equilibrium, find_orbit, follow, solve
+from pwsmooth import Return, Solution, Strobe, System, find_equilibrium, find_orbit, follow, solve
 from pwsmooth.analysis.equilibria import equilibria
 from pwsmooth.laws.friction import Coulomb
 
@@ -93,8 +93,8 @@ def test_a_driven_orbit_has_the_multipliers_of_the_angle():
     rod = System.from_mechanics(method, parameters={L: 1.0})
     t, phi, u = sp.symbols("t phi u", real=True)
     angle = System({phi: u, u: -sp.sin(phi) - u / 10 + A * sp.cos(w * t) * sp.cos(phi)}, time=t)
-    wanted = find_orbit(angle, {phi: -0.23, u: 0.04}, period=2 * np.pi / w)
-    found = find_orbit(rod, {"x": -0.2, "y": -1.0, "x_dot": 0, "y_dot": 0}, period=2 * np.pi / w)
+    wanted = find_orbit(angle, {phi: -0.23, u: 0.04}, seen=Strobe(2 * np.pi / w))
+    found = find_orbit(rod, {"x": -0.2, "y": -1.0, "x_dot": 0, "y_dot": 0}, seen=Strobe(2 * np.pi / w))
     assert found.success and found.stable and found.isolated
     assert found.x[:2] == pytest.approx([np.sin(wanted.x[0]), -np.cos(wanted.x[0])], abs=1e-9)
     sizes = np.sort(np.abs(found.multipliers))
@@ -118,10 +118,10 @@ def test_a_cycle_is_followed_along_the_length_of_its_rod():
     rate = -sp.sin(phi) / L + sp.Rational(3, 10) * (1 - 10 * L**2 * sp.sin(phi) ** 2) * u
     angle = System({phi: u, u: rate}, parameters={L: 1.0})
     across = next(s for s in rod.states if s.name == "x_dot")
-    wanted = follow(find_orbit(angle, {phi: 0.66, u: 0}, section=u, direction=-1), "L", 1.2)
-    begun = find_orbit(rod, {"x": 0.6, "y": -0.8, "x_dot": 0, "y_dot": 0}, section=across, direction=-1)
+    wanted = follow(find_orbit(angle, {phi: 0.66, u: 0}, seen=Return(u, direction=-1)), {"L": 1.2})
+    begun = find_orbit(rod, {"x": 0.6, "y": -0.8, "x_dot": 0, "y_dot": 0}, seen=Return(across, direction=-1))
     assert begun.success and begun.stable and begun.isolated
-    found = follow(begun, "L", 1.2)
+    found = follow(begun, {"L": 1.2})
     last, other = found.orbits[-1], wanted.orbits[-1]
     assert last.system.parameters[L] == pytest.approx(1.2) == other.system.parameters[L]
     assert np.hypot(*last.x[:2]) == pytest.approx(1.2, abs=1e-9)

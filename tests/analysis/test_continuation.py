@@ -11,9 +11,9 @@ import sympy as sp
 from friction_oscillator import coulomb, hidden, v, y, z
 from friction_oscillator import omega as FREQUENCY
 
-from pwsmooth import Event, System
+from pwsmooth import Event, Return, Strobe, System
+from pwsmooth.analysis.continuation import Steps, branch_off, follow
 from pwsmooth.analysis.continuation.arclength import only_way
-from pwsmooth.analysis.continuation.branches import branch_off, follow
 from pwsmooth.analysis.maps.sections import Section, Stroboscopic
 from pwsmooth.analysis.orbits.finding import find_orbit, refine
 from pwsmooth.analysis.orbits.fixed_points import TOLERANCE
@@ -31,7 +31,7 @@ def mapped(update, start, value, **options):
     system = System(
         {s: 0 * s for s in states}, time=t, parameters={a: value}, events=[Event(every=1, update=update)]
     )
-    return find_orbit(system, start, period=1, phase=0.5, **options)
+    return find_orbit(system, start, seen=Strobe(1, phase=0.5), **options)
 
 
 # ---- smooth bifurcations
@@ -39,7 +39,7 @@ def mapped(update, start, value, **options):
 
 def test_a_fold_is_found_and_passed():
     # x -> a + x - x^2: fixed at +-sqrt(a)
-    branch = follow(mapped({x: a + x - x**2}, {x: 0.9}, 0.8), a, to=-0.2)
+    branch = follow(mapped({x: a + x - x**2}, {x: 0.9}, 0.8), {a: -0.2})
     assert [bif.kind for bif in branch.bifurcations] == ["fold"]
     # The zero of the tangent's slope, sqrt(a) steep, is found to 1e-12: a to its square.
     assert branch.bifurcations[0].parameter == pytest.approx(0, abs=LOCATED)
@@ -50,16 +50,16 @@ def test_a_fold_is_found_and_passed():
 @pytest.mark.parametrize("bound", [{"max_steps": 1}, {"max_steps": 30}, {"max_seconds": 1e-9}])
 def test_a_branch_is_bounded_as_a_whole_and_goes_on_from_where_it_was_left(bound):
     orbit = mapped({x: a + x - x**2}, {x: 0.9}, 0.8)
-    part = follow(orbit, a, to=0.2, **bound)
+    part = follow(orbit, {a: 0.2}, **bound)
     assert list(bound)[0] in part.end and part.values[-1] > 0.2
-    rest = follow(part.orbits[-1], a, to=0.2)
+    rest = follow(part.orbits[-1], {a: 0.2})
     assert "reached" in rest.end and rest.x[0, -1] == pytest.approx(math.sqrt(0.2), abs=1e-12)
     with pytest.raises((ValueError, TypeError), match=f"`{list(bound)[0]}`"):
-        follow(orbit, a, to=0.2, **dict.fromkeys(bound, 0))
+        follow(orbit, {a: 0.2}, **dict.fromkeys(bound, 0))
 
 
 def test_a_flip_is_found_and_its_branch_is_the_two_cycle():
-    branch = follow(mapped({x: a * x * (1 - x)}, {x: 0.6}, 2.8), "a", to=3.3)
+    branch = follow(mapped({x: a * x * (1 - x)}, {x: 0.6}, 2.8), {"a": 3.3})
     (flip,) = branch.bifurcations
     assert flip.kind == "flip"
     assert flip.parameter == pytest.approx(3, abs=1e-9)
@@ -79,8 +79,8 @@ def test_the_symmetry_breaks_where_the_half_period_map_has_minus_one():
         parameters={a: 0.7},
         events=[Event(every=sp.Rational(1, 2), update={x: a * x - x**3})],
     )
-    orbit = find_orbit(system, {x: 0.0}, period=1, phase=0.25, symmetry={x: -x})
-    branch = follow(orbit, a, to=1.5)
+    orbit = find_orbit(system, {x: 0.0}, seen=Strobe(1, phase=0.25, symmetry={x: -x}))
+    branch = follow(orbit, {a: 1.5})
     (broken,) = branch.bifurcations
     assert broken.kind == "symmetry breaking"
     assert broken.parameter == pytest.approx(1, abs=1e-9)
@@ -98,15 +98,15 @@ def test_the_symmetry_breaks_where_the_half_period_map_has_minus_one():
 def test_two_multipliers_that_leave_the_unit_circle_at_once_are_noticed(sign):
     # Two maps that know nothing of each other: no test function changes its sign.
     update = {s: sign * (1 + a) * s - s**3 for s in (x, u)}
-    (found,) = follow(mapped(update, {x: 0, u: 0}, -0.5), a, to=0.3).bifurcations
+    (found,) = follow(mapped(update, {x: 0, u: 0}, -0.5), {a: 0.3}).bifurcations
     assert found.kind == ("branch point" if sign > 0 else "flip") and abs(found.parameter) <= found.uncertainty
 
 
 def test_an_orbit_given_by_twice_the_forcings_period_ends_at_its_flip():
     update = {x: a * x * (1 - x)}
     system = System({x: 0 * x}, time=t, parameters={a: 3.2}, events=[Event(every=1, update=update)])
-    orbit = find_orbit(system, {x: 0.51}, period=2, phase=0.25, transient=200)
-    branch = follow(orbit, a, to=2.8)
+    orbit = find_orbit(system, {x: 0.51}, seen=Strobe(2, phase=0.25), transient=200)
+    branch = follow(orbit, {a: 2.8})
     assert orbit.period == 2 and "shrink onto one of 1" in branch.end
     assert branch.bifurcations[-1].parameter == pytest.approx(3, abs=1e-9)
 
@@ -114,20 +114,20 @@ def test_an_orbit_given_by_twice_the_forcings_period_ends_at_its_flip():
 def test_a_torus_begins_where_a_complex_pair_leaves_the_unit_circle():
     c, s = sp.Rational(3, 5), sp.Rational(4, 5)
     orbit = mapped({x: a * (c * x - s * u), u: a * (s * x + c * u) - u**3}, {x: 0, u: 0}, 0.8)
-    branch = follow(orbit, a, to=1.3)
+    branch = follow(orbit, {a: 1.3})
     assert [bif.kind for bif in branch.bifurcations] == ["torus"]
     assert branch.bifurcations[0].parameter == pytest.approx(1, abs=1e-9)
 
 
 def test_a_branch_point_is_no_fold():
     # x -> x + a x - x^3: a pitchfork at a = 0, without a symmetry that the map is told of
-    branch = follow(mapped({x: x + a * x - x**3}, {x: 0.0}, -0.5), a, to=0.5)
+    branch = follow(mapped({x: x + a * x - x**3}, {x: 0.0}, -0.5), {a: 0.5})
     assert [bif.kind for bif in branch.bifurcations] == ["branch point"]
     assert branch.bifurcations[0].parameter == pytest.approx(0, abs=1e-9)
 
 
 def test_the_old_orbit_is_no_orbit_of_the_branch_that_begins_at_it():
-    (flip,) = follow(mapped({x: a * x * (1 - x)}, {x: 0.6}, 2.8), a, to=3.3).bifurcations
+    (flip,) = follow(mapped({x: a * x * (1 - x)}, {x: 0.6}, 2.8), {a: 3.3}).bifurcations
     # Two-cycles have x <= 1: from beyond Newton's method comes to fixed points, which the doubled map has too.
     for amplitude in (0.45, 1, -0.6):
         lost = branch_off(flip, amplitude)
@@ -141,7 +141,7 @@ def test_a_doubled_orbit_shrinks_onto_the_single_one_at_its_flip_and_the_branch_
     for begin, count, where in ((3.2, 2, 3), (3.5, 4, 1 + math.sqrt(6))):
         cycle = mapped({x: a * x * (1 - x)}, {x: 0.5}, begin, transient=400)
         assert cycle.map.count == count
-        branch = follow(cycle, a, to=2.5, step=longest, longest_step=longest)
+        branch = follow(cycle, {a: 2.5}, steps=Steps(first=longest, longest=longest))
         (flip,) = branch.bifurcations
         assert flip.kind == "flip" and flip.orbit.map.count == count // 2
         assert flip.parameter == pytest.approx(where, abs=1e-9)
@@ -167,9 +167,9 @@ def test_the_buck_converters_doubled_orbit_ends_at_its_flip():
         {x: i / C - x / (R * C), i: (E * sp.Heaviside(ramp - control) - x) / L, ramp: (high - low) / T},
         time=t, parameters={E: 26.0}, events=[Event(every=T, update={ramp: low})],
     )  # fmt: skip
-    orbit = find_orbit(buck, {x: 12.3, i: 0.6, ramp: 4}, period=T, phase=0.31, transient=1000)
+    orbit = find_orbit(buck, {x: 12.3, i: 0.6, ramp: 4}, seen=Strobe(T, phase=0.31), transient=1000)
     assert orbit.map.count == 2
-    branch = follow(orbit, E, to=24.0)
+    branch = follow(orbit, {E: 24.0})
     (flip,) = branch.bifurcations
     assert flip.kind == "flip" and flip.parameter == pytest.approx(24.51657282856, abs=1e-8)
     assert flip.orbit.period == pytest.approx(4e-4) and branch.values.min() > flip.parameter
@@ -177,9 +177,9 @@ def test_the_buck_converters_doubled_orbit_ends_at_its_flip():
 
 def test_a_period_that_does_not_follow_its_parameter_is_noticed():
     forced = System({x: u, u: sp.cos(omega * t) - x - u / 5}, time=t, parameters={omega: 1})
-    fixed = follow(find_orbit(forced, {x: 0, u: 5}, period=2 * sp.pi), omega, to=2)
+    fixed = follow(find_orbit(forced, {x: 0, u: 5}, seen=Strobe(2 * sp.pi)), {omega: 2})
     assert len(fixed.orbits) == 1 and "reads the time in another way" in fixed.end
-    moving = follow(find_orbit(forced, {x: 0, u: 5}, period=2 * sp.pi / omega), omega, to=2)
+    moving = follow(find_orbit(forced, {x: 0, u: 5}, seen=Strobe(2 * sp.pi / omega)), {omega: 2})
     w = moving.values
     assert moving.x[0] == pytest.approx((1 - w**2) / ((1 - w**2) ** 2 + w**2 / 25), abs=1e-9)
 
@@ -196,8 +196,8 @@ def test_den_hartogs_oscillator_begins_to_stick_by_crossing_sliding(frequency):
         time=t,
         parameters={omega: frequency, F: 0.8 * limit},
     )
-    orbit = find_orbit(system, {x: 1, u: 0.5}, period=2 * sp.pi / omega, symmetry={x: -x, u: -u})
-    branch = follow(orbit, F, to=1.1 * limit)
+    orbit = find_orbit(system, {x: 1, u: 0.5}, seen=Strobe(2 * sp.pi / omega, symmetry={x: -x, u: -u}))
+    branch = follow(orbit, {F: 1.1 * limit})
     (begins,) = branch.bifurcations
     assert begins.kind == "crossing-sliding"
     assert begins.parameter == pytest.approx(limit, abs=LOCATED)
@@ -212,8 +212,8 @@ def held_from_below(force, parameters):
 def test_grazing_sliding_at_the_exact_amplitude():
     # Above the surface x = 1 + (a/sqrt 2) sin(t - pi/4), which touches 0 at a = sqrt 2 with x' = 0.
     system = held_from_below(1 + a * sp.sin(t), {a: 1.1})
-    orbit = find_orbit(system, {x: 0.5}, period=2 * sp.pi)
-    branch = follow(orbit, a, to=2.0)
+    orbit = find_orbit(system, {x: 0.5}, seen=Strobe(2 * sp.pi))
+    branch = follow(orbit, {a: 2.0})
     (grazing,) = branch.bifurcations
     assert grazing.kind == "grazing-sliding"
     assert grazing.parameter == pytest.approx(math.sqrt(2), abs=LOCATED)
@@ -233,7 +233,7 @@ def test_a_corner_is_located_where_both_sides_meet(push):
         time=t,
         parameters={a: 1.1},
     )
-    branch = follow(find_orbit(system, {x: 0.5, u: 0}, period=2 * sp.pi), a, to=2.0)
+    branch = follow(find_orbit(system, {x: 0.5, u: 0}, seen=Strobe(2 * sp.pi)), {a: 2.0})
     (corner,) = branch.bifurcations
     assert corner.kind == "grazing-sliding" and branch.values[-1] == 1.1 and branch.values.max() < 1.42
     assert corner.parameter == pytest.approx(math.sqrt(2), abs=LOCATED)
@@ -243,8 +243,8 @@ def test_a_corner_is_located_where_both_sides_meet(push):
 def test_adding_sliding_at_the_exact_force():
     # cos t + a cos 2t has a maximum at t = pi, inside the stick, which is a - 1.
     system = held_from_below(sp.cos(t) + a * sp.cos(2 * t), {a: 0.8})
-    orbit = find_orbit(system, {x: 0.5}, period=2 * sp.pi)
-    (adding,) = follow(orbit, a, to=1.2).bifurcations
+    orbit = find_orbit(system, {x: 0.5}, seen=Strobe(2 * sp.pi))
+    (adding,) = follow(orbit, {a: 1.2}).bifurcations
     assert adding.kind == "adding-sliding"
     assert adding.parameter == pytest.approx(1, abs=LOCATED)
 
@@ -255,8 +255,8 @@ def test_switching_sliding_at_the_exact_phase():
         {x: sp.Piecewise((-1, x > 0), (sp.sin(t - a), True))}, time=t, parameters={a: 0.7},
         events=[Event(every=2 * sp.pi, update={x: 1})],
     )  # fmt: skip
-    orbit = find_orbit(system, {x: 0.6}, period=2 * sp.pi, phase=0.5 / 2 / math.pi)
-    (switching,) = follow(orbit, a, to=1.3).bifurcations
+    orbit = find_orbit(system, {x: 0.6}, seen=Strobe(2 * sp.pi, phase=0.5 / 2 / math.pi))
+    (switching,) = follow(orbit, {a: 1.3}).bifurcations
     assert switching.kind == "switching-sliding"
     assert switching.parameter == pytest.approx(1, abs=LOCATED)
 
@@ -270,8 +270,8 @@ def test_a_grazing_impact_is_named():
         {x: u, u: sp.cos(2 * t) - x - sp.Rational(1, 5) * u - wall.reaction}, time=t, parameters={a: 0.5}
     )
     reach = 1 / abs(1 - 4 + 0.4j)
-    orbit = find_orbit(system, {x: 0.1, u: 0.0}, period=sp.pi, phase=0.1)
-    branch = follow(orbit, a, to=0.9 * reach, most=60)
+    orbit = find_orbit(system, {x: 0.1, u: 0.0}, seen=Strobe(sp.pi, phase=0.1))
+    branch = follow(orbit, {a: 0.9 * reach}, steps=Steps(max_points=60))
     first = branch.bifurcations[0]
     assert first.kind == "grazing impact"
     assert first.parameter == pytest.approx(reach, abs=LOCATED)
@@ -288,8 +288,8 @@ def test_a_change_of_order_is_a_bifurcation_only_between_events_that_know_of_eac
         {x: sp.cos(t) - x + sp.Abs(x) / 3, u: sp.cos(t - a) - u + sp.Abs(u) / 3}, time=t, parameters={a: -0.3}
     )
     system = pair if coupling else kinks
-    orbit = find_orbit(system, {x: 0, u: 0}, period=2 * sp.pi, transient=20)
-    found = follow(orbit, a, to=0.5).bifurcations
+    orbit = find_orbit(system, {x: 0, u: 0}, seen=Strobe(2 * sp.pi), transient=20)
+    found = follow(orbit, {a: 0.5}).bifurcations
     if not coupling:
         assert not found
         return
@@ -306,7 +306,7 @@ def test_a_change_of_order_is_a_bifurcation_only_between_events_that_know_of_eac
 
 def test_a_family_of_orbits_is_no_branch():
     free = System({x: u, u: a * sp.cos(2 * t) - x}, time=t, parameters={a: 1})
-    branch = follow(find_orbit(free, {x: 0.4, u: 0}, period=2 * sp.pi), a, to=2)
+    branch = follow(find_orbit(free, {x: 0.4, u: 0}, seen=Strobe(2 * sp.pi)), {a: 2})
     assert len(branch.orbits) == 1 and "not isolated" in branch.end
 
 
@@ -314,10 +314,10 @@ def test_a_branch_ends_where_the_map_jumps_and_says_so():
     # Two-stage limit: the slip-only orbit is captured, with the whole stick, once |F| at its crossing falls to N.
     # The same |F| = N is where the oscillator without the hidden term begins to stick, continuously.
     mirror = {y: -y, v: -v}
-    free = find_orbit(coulomb(), {y: 0.5, v: 0.3}, period=2 * sp.pi, symmetry=mirror)
-    continuous = follow(free, "sigma", to=2.0).of_kind("crossing-sliding")[0]
+    free = find_orbit(coulomb(), {y: 0.5, v: 0.3}, seen=Strobe(2 * sp.pi, symmetry=mirror))
+    continuous = follow(free, {"sigma": 2.0}).of_kind("crossing-sliding")[0]
     sudden = refine(Stroboscopic(hidden().layered({z: 0}), 2 * sp.pi, symmetry=mirror), free.x)
-    branch = follow(sudden, "sigma", to=2.0)
+    branch = follow(sudden, {"sigma": 2.0})
     assert "jumps" in branch.end
     assert branch.values[-1] == pytest.approx(continuous.parameter, abs=1e-5)  # ends within its shortest steps
     assert all([kind for _, kind, _ in orbit.word] == ["crossing"] for orbit in branch.orbits)
@@ -329,10 +329,10 @@ def test_a_step_does_not_lead_to_another_part_of_the_branch():
     orbit = find_orbit(
         hidden(omega=0.752542372881356, sigma=4),
         {y: -1, v: 1, z: 0},
-        period=2 * sp.pi / FREQUENCY,
+        seen=Strobe(2 * sp.pi / FREQUENCY),
         transient=200,
     )
-    branch = follow(orbit, "omega", to=3, back=0.4, step=0.005, most=40)
+    branch = follow(orbit, {"omega": (0.4, 3)}, way=1, steps=Steps(first=0.005, max_points=40))
     kinds = [one.kind for one in branch.bifurcations]
     assert kinds[:2] == ["switching-sliding", "fold"]
     # Until it turns, the orbits of this branch attract: so trajectories find them, and none beyond.
@@ -340,8 +340,9 @@ def test_a_step_does_not_lead_to_another_part_of_the_branch():
     for frequency, found in ((turn - 1e-4, True), (turn + 1e-4, False)):
         start = dict(zip("yvz", branch.orbits[branch.places[1] - 1].x))
         there = find_orbit(
-            hidden(omega=frequency, sigma=4), start, period=2 * sp.pi / FREQUENCY, transient=400, count=1,
-            phase=branch.orbits[branch.places[1] - 1].map.phase,
+            hidden(omega=frequency, sigma=4), start,
+            seen=Strobe(2 * sp.pi / FREQUENCY, phase=branch.orbits[branch.places[1] - 1].map.phase), transient=400,
+            count=1,
         )  # fmt: skip
         assert (not _is_symmetric(there)) == found
 
@@ -356,9 +357,12 @@ def test_a_step_that_jumps_to_another_branch_is_shortened():
     # Slaved, over rho at sigma = 4.3, around the fold at 3.4279: a step led from the asymmetric orbit to another, and
     # the change between them was looked for where neither is.
     orbit = find_orbit(
-        hidden(rho=4.06779661, sigma=4.3).layered({z: sp.oo}), {y: 0.5, v: 0.3}, period=2 * sp.pi, transient=400
+        hidden(rho=4.06779661, sigma=4.3).layered({z: sp.oo}),
+        {y: 0.5, v: 0.3},
+        seen=Strobe(2 * sp.pi),
+        transient=400,
     )
-    branch = follow(orbit, "rho", to=0, back=5, step=0.005, longest_step=0.1, most=30)
+    branch = follow(orbit, {"rho": (0, 5)}, way=-1, steps=Steps(first=0.005, longest=0.1, max_points=30))
     assert branch.bifurcations[0].kind == "fold"
     assert all(one.kind != "jump of the orbit" and 0 <= one.parameter <= 5 for one in branch.bifurcations)
 
@@ -366,20 +370,20 @@ def test_a_step_that_jumps_to_another_branch_is_shortened():
 def test_slips_that_grow_as_a_square_root_are_no_jump():
     # Coulomb friction and a little more: below sigma = 1 the block rests, and beyond it slips for 4.2 sqrt(sigma - 1).
     orbit = find_orbit(
-        hidden(rho=0.25, sigma=1.4).layered({z: sp.oo}), {y: 0.5, v: 0.3}, period=2 * sp.pi,
-        symmetry={y: -y, v: -v}, transient=50,
+        hidden(rho=0.25, sigma=1.4).layered({z: sp.oo}), {y: 0.5, v: 0.3},
+        seen=Strobe(2 * sp.pi, symmetry={y: -y, v: -v}), transient=50,
     )  # fmt: skip
-    (last,) = follow(orbit, "sigma", to=0.5, back=5.2, step=0.005, longest_step=0.1).bifurcations
+    (last,) = follow(orbit, {"sigma": (0.5, 5.2)}, way=-1, steps=Steps(first=0.005, longest=0.1)).bifurcations
     assert last.kind == "adding-sliding" and last.parameter == pytest.approx(1, abs=1e-8)
 
 
 def test_an_unstable_orbit_that_is_a_rounding_off_after_two_periods_repeats():
     # Beside the end of its branch what a period is off by grows by 1e4 in the next one: that is no other period.
     orbit = find_orbit(
-        hidden(rho=1.2, sigma=2).layered({z: sp.oo}), {y: 0.78, v: -1.03}, period=2 * sp.pi,
-        symmetry={y: -y, v: -v}, transient=50,
+        hidden(rho=1.2, sigma=2).layered({z: sp.oo}), {y: 0.78, v: -1.03},
+        seen=Strobe(2 * sp.pi, symmetry={y: -y, v: -v}), transient=50,
     )  # fmt: skip
-    branch = follow(orbit, "sigma", to=0.5)
+    branch = follow(orbit, {"sigma": 0.5})
     assert branch.end.startswith("adding-sliding")
     assert np.abs(branch.orbits[-1].map_multipliers).max() > 1e4
 
@@ -401,8 +405,8 @@ def test_the_way_on_is_the_null_vector(across):
 
 def test_a_branch_goes_on_when_its_section_comes_to_lie_in_a_stick():
     # rho = 0: sticks grow with falling drive and pass over t = 0; at a drive below N everything is at rest.
-    orbit = find_orbit(coulomb(sigma=2.2), {y: 0.5, v: 0.3}, period=2 * sp.pi, phase=0.31, transient=20)
-    branch = follow(orbit, "sigma", to=1.2)
+    orbit = find_orbit(coulomb(sigma=2.2), {y: 0.5, v: 0.3}, seen=Strobe(2 * sp.pi, phase=0.31), transient=20)
+    branch = follow(orbit, {"sigma": 1.2})
     assert {"jump of the orbit", "change of itinerary"}.isdisjoint(bif.kind for bif in branch.bifurcations)
     assert branch.values[-1] == 1.2
     phases = [o.map.phase for o in branch.orbits]
@@ -414,39 +418,41 @@ def test_a_branch_goes_on_when_a_stick_comes_to_end_on_its_section():
     # that goes on does not, and what the map repeats is no orbit.
     orbit = find_orbit(
         hidden(rho=0.9243369560655162, sigma=2.6968907901978216).layered({z: sp.oo}), {y: 0.5, v: 0.3},
-        period=2 * sp.pi, transient=100,
+        seen=Strobe(2 * sp.pi), transient=100,
     )  # fmt: skip
-    branch = follow(orbit, "sigma", to=0.5)
+    branch = follow(orbit, {"sigma": 0.5})
     assert branch.values.min() < 1.1
 
 
 def test_an_autonomous_orbit_is_followed_on_its_section():
     # x'' - 2 a x' + x = -sign x': fixed at X = (E + 1)/(E - 1), E = exp(a pi/sqrt(1 - a^2))
     relay = System({x: u, u: 2 * a * u - x - sp.sign(u)}, parameters={a: 0.1})
-    orbit = find_orbit(relay, {x: 6.3, u: 0.1}, section=u, direction=-1)
-    branch = follow(orbit, a, to=0.25)
+    orbit = find_orbit(relay, {x: 6.3, u: 0.1}, seen=Return(u, direction=-1))
+    branch = follow(orbit, {a: 0.25})
     E = np.exp(branch.values * np.pi / np.sqrt(1 - branch.values**2))
     assert branch.x[0] == pytest.approx((E + 1) / (E - 1), rel=1e-9)
     assert isinstance(branch.orbits[-1].map, Section)
 
 
 def test_bad_input_is_refused():
-    orbit = find_orbit(coulomb(), {y: 0.5, v: 0.3}, period=2 * sp.pi)
+    orbit = find_orbit(coulomb(), {y: 0.5, v: 0.3}, seen=Strobe(2 * sp.pi))
     with pytest.raises(ValueError, match="already is"):
-        follow(orbit, "sigma", to=2.4)
+        follow(orbit, {"sigma": 2.4})
     with pytest.raises(ValueError, match="'nonsense'"):
-        follow(orbit, "nonsense", to=2.5)
-    with pytest.raises(TypeError, match="PeriodicOrbit"):
-        follow({y: 1}, "sigma", to=2.5)
+        follow(orbit, {"nonsense": 2.5})
+    with pytest.raises(TypeError, match="give an orbit or an equilibrium"):
+        follow({y: 1}, {"sigma": 2.5})
     with pytest.raises(ValueError, match="did not converge"):
-        follow(refine(Stroboscopic(System({x: 1 + x**2}), 4.0), {x: 0}), "sigma", to=2)
+        follow(refine(Stroboscopic(System({x: 1 + x**2}), 4.0), {x: 0}), {"sigma": 2})
 
 
 def test_a_branch_goes_on_where_one_piece_is_too_long_to_be_shot_over():
     # x' = a x + cos t has the orbit (sin t - a cos t)/(1 + a^2) for every a; its multiplier is exp(2 pi a).
     t, x, a = sp.symbols("t x a", real=True)
     system = System({x: a * x + sp.cos(t)}, time=t, parameters={a: 1})
-    branch = follow(find_orbit(system, {x: -0.5}, period=2 * sp.pi), a, to=6, step=0.1, longest_step=0.3)
+    branch = follow(
+        find_orbit(system, {x: -0.5}, seen=Strobe(2 * sp.pi)), {a: 6}, steps=Steps(first=0.1, longest=0.3)
+    )
     q = branch.values
     assert q[-1] == 6 and branch.x[0] == pytest.approx(-q / (1 + q**2), abs=10 * TOLERANCE)
     largest = [orbit.multipliers[0].real for orbit in branch.orbits]
@@ -460,8 +466,8 @@ def test_a_branch_over_the_frequency_does_not_depend_on_where_its_section_stands
     gears = System({x: w, w: 0.1 + 0.05 * sp.cos(omega * t) - 0.1 * w - teeth}, time=t, parameters={omega: 1.5})
     found = []
     for phase, longest in ((0.25, 0.1), (0.75, 0.1), (0, 0.03)):
-        orbit = find_orbit(gears, {x: 1.1, w: 0}, period=2 * sp.pi / omega, transient=100, phase=phase)
-        branch = follow(orbit, omega, to=0.4, longest_step=longest)
+        orbit = find_orbit(gears, {x: 1.1, w: 0}, seen=Strobe(2 * sp.pi / omega, phase=phase), transient=100)
+        branch = follow(orbit, {omega: 0.4}, steps=Steps(longest=longest))
         found.append([(bif.kind, bif.parameter) for bif in branch.bifurcations])
     assert len(found[0]) == 4
     for other in found[1:]:

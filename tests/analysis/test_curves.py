@@ -13,7 +13,8 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 from test_continuation import a, b, t, u, x
 
-from pwsmooth import Event, System, Unilateral, find_orbit, follow, follow_curve, solve
+from pwsmooth import Event, Return, Strobe, System, Unilateral, find_orbit, follow, solve
+from pwsmooth.analysis.continuation import Steps
 from pwsmooth.analysis.continuation.curves import ways as curve_ways
 from pwsmooth.analysis.orbits.finding import refine
 
@@ -27,7 +28,7 @@ def map_in_two(update, start, values):
         {s: 0 * s for s in update}, time=t, parameters=dict(zip((a, b), values)),
         events=[Event(every=1, update=update)],
     )  # fmt: skip
-    return find_orbit(system, start, period=1, phase=0.5)
+    return find_orbit(system, start, seen=Strobe(1, phase=0.5))
 
 
 def only(branch, kind):
@@ -40,7 +41,7 @@ def only(branch, kind):
 def test_flips_of_the_logistic_map_lie_on_their_curve():
     # x -> a x (1 - x) - b x, fixed at 1 - (1 + b)/a with the multiplier 2 - a + b
     orbit = map_in_two({x: a * x * (1 - x) - b * x}, {x: 0.6}, (2.8, 0))
-    curve = follow_curve(only(follow(orbit, a, to=3.3), "flip"), {a: (1, 5), b: (-1, 1)})
+    curve = follow(only(follow(orbit, {a: 3.3}), "flip"), {a: (1, 5), b: (-1, 1)})
     p, q = curve.values
     assert np.abs(p - q - 3).max() < ON_CURVE
     assert curve.ends == ("reached b = -1.", "reached b = 1.")
@@ -50,8 +51,8 @@ def test_flips_and_folds_of_henons_map_lie_on_their_curves_with_both_strong_reso
     # x -> 1 - a x^2 + y, y -> b x: 4 a = 3 (1 - b)^2 and 4 a = -(1 - b)^2; the determinant is -b
     orbit = map_in_two({x: 1 - a * x**2 + u, u: b * x}, {x: 0.6, u: 0.2}, (0.1, 0.3))
     ranges = {a: (-3, 5), b: (-1.5, 0.6)}
-    flips = follow_curve(only(follow(orbit, a, to=0.6), "flip"), ranges)
-    folds = follow_curve(only(follow(orbit, a, to=-0.3, most=60), "fold"), ranges)
+    flips = follow(only(follow(orbit, {a: 0.6}), "flip"), ranges)
+    folds = follow(only(follow(orbit, {a: -0.3}, steps=Steps(max_points=60)), "fold"), ranges)
     for curve, factor, name in ((flips, 3, "1:2 resonance"), (folds, -1, "1:1 resonance")):
         p, q = curve.values
         assert len(p) > 20 and np.abs(4 * p - factor * (1 - q) ** 2).max() < 4 * ON_CURVE
@@ -62,7 +63,7 @@ def test_flips_and_folds_of_henons_map_lie_on_their_curves_with_both_strong_reso
 def test_a_fold_goes_around_its_cusp():
     # x -> a + b x - x^3: 27 a^2 = 4 (b - 1)^3
     orbit = map_in_two({x: a + b * x - x**3}, {x: 1.2}, (0.5, 1.8))
-    curve = follow_curve(only(follow(orbit, a, to=-1), "fold"), {a: (-1, 1), b: (0, 2)})
+    curve = follow(only(follow(orbit, {a: -1}), "fold"), {a: (-1, 1), b: (0, 2)})
     p, q = curve.values
     assert np.abs(27 * p**2 - 4 * (q - 1) ** 3).max() < ON_CURVE
     assert p.min() < -0.3 and p.max() > 0.3
@@ -73,7 +74,7 @@ def test_a_fold_goes_around_its_cusp():
 def test_resonances_of_a_torus_are_where_the_trace_says():
     # (x, u) -> (a x - b u - x^3, x): fixed at 0 with trace a and determinant b, so the torus is b = 1.
     orbit = map_in_two({x: a * x - b * u - x**3, u: x}, {x: 0.0, u: 0.0}, (0.3, 0.8))
-    curve = follow_curve(only(follow(orbit, b, to=1.2), "torus"), {a: (-3, 3), b: (0, 2)})
+    curve = follow(only(follow(orbit, {b: 1.2}), "torus"), {a: (-3, 3), b: (0, 2)})
     assert np.abs(curve.values[1] - 1).max() < ON_CURVE
     assert {p.name: p.values["a"] for p in curve.points} == pytest.approx(
         {"1:1 resonance": 2, "1:2 resonance": -2, "1:3 resonance": -1, "1:4 resonance": 0}, abs=1e-8
@@ -84,8 +85,8 @@ def test_resonances_of_a_torus_are_where_the_trace_says():
 def test_a_fold_meets_a_flip():
     # Two maps that do not know of each other: fold at a = 0, flip at b = 3.
     orbit = map_in_two({x: a + x - x**2, u: (b + a) * u * (1 - u)}, {x: 0.9, u: 0.6}, (0.8, 2.0))
-    fold = only(follow(orbit, a, to=-0.2), "fold")
-    curve = follow_curve(fold, {a: (-1, 1), b: (1.5, 3.5)})
+    fold = only(follow(orbit, {a: -0.2}), "fold")
+    curve = follow(fold, {a: (-1, 1), b: (1.5, 3.5)})
     (both,) = curve.of_kind("fold + flip")
     assert both.values["b"] == pytest.approx(3, abs=1e-8) and both.values["a"] == pytest.approx(0, abs=1e-9)
 
@@ -93,14 +94,14 @@ def test_a_fold_meets_a_flip():
 def test_branch_points_that_a_symmetry_keeps_are_followed():
     # x -> x + (a + b) x - x^3
     orbit = map_in_two({x: x + (a + b) * x - x**3}, {x: 0.0}, (-0.5, 0))
-    curve = follow_curve(only(follow(orbit, a, to=0.5), "branch point"), {a: (-1, 1), b: (-1, 1)})
+    curve = follow(only(follow(orbit, {a: 0.5}), "branch point"), {a: (-1, 1), b: (-1, 1)})
     assert len(curve.orbits) > 20 and np.abs(curve.values.sum(axis=0)).max() < ON_CURVE
 
 
 def test_a_closed_curve_closes():
     # flip where a^2 + b^2 = 1
     orbit = map_in_two({x: -(a**2 + b**2) * x + x**2}, {x: 0.0}, (0.8, 0.1))
-    curve = follow_curve(only(follow(orbit, a, to=1.2), "flip"), {a: (-2, 2), b: (-2, 2)})
+    curve = follow(only(follow(orbit, {a: 1.2}), "flip"), {a: (-2, 2), b: (-2, 2)})
     assert curve.ends == ("it closes.",)
     assert np.abs(np.hypot(*curve.values) - 1).max() < ON_CURVE
     assert np.ptp(np.arctan2(*curve.values)) > 6
@@ -110,41 +111,43 @@ def test_an_orbit_near_to_a_flip_is_enough_with_its_kind():
     orbit = map_in_two(
         {x: a * x * (1 - x) - b * x}, {x: 0.6}, (2.95, 0)
     )  # fmt: skip
-    curve = follow_curve(orbit, {a: (2, 5), b: (-1, 1)}, kind="flip")
+    curve = follow(orbit, {a: (2, 5), b: (-1, 1)}, kind="flip")
     assert np.abs(curve.values[0] - curve.values[1] - 3).max() < ON_CURVE
     with pytest.raises(ValueError, match="`kind` is missing"):
-        follow_curve(orbit, {a: (2, 5), b: (-1, 1)})
-    with pytest.raises(ValueError, match="give two parameters"):
-        follow_curve(orbit, {a: (2, 5)}, kind="flip")
+        follow(orbit, {a: (2, 5), b: (-1, 1)})
+    with pytest.raises(ValueError, match="`kind` is for curves over two parameters"):
+        follow(orbit, {a: (2, 5)}, kind="flip")
     with pytest.raises(ValueError, match="leaves out the start"):
-        follow_curve(orbit, {a: (2, 2.5), b: (-1, 1)}, kind="flip")
+        follow(orbit, {a: (2, 2.5), b: (-1, 1)}, kind="flip")
 
 
 def test_the_symmetry_breaks_along_a_curve_that_branches_agree_with():
     from friction_oscillator import hidden, rho, sigma, v, y, z
 
     slaved = hidden().layered({z: sp.oo})
-    orbit = find_orbit(slaved, {y: 0.78, v: -1.03}, period=2 * sp.pi, symmetry={y: -y, v: -v}, transient=50)
-    broken = only(follow(orbit, sigma, to=3.4), "symmetry breaking")
-    curve = follow_curve(broken, {rho: (1, 5), sigma: (1, 6)})
+    orbit = find_orbit(
+        slaved, {y: 0.78, v: -1.03}, seen=Strobe(2 * sp.pi, symmetry={y: -y, v: -v}), transient=50
+    )
+    broken = only(follow(orbit, {sigma: 3.4}), "symmetry breaking")
+    curve = follow(broken, {rho: (1, 5), sigma: (1, 6)})
     assert len(curve.orbits) > 10
     for k in range(2, len(curve.orbits), 5):
         there = curve.orbits[k]
         at = curve.values[1, k]
         first = find_orbit(
-            there.system.with_parameters({sigma: at - 0.01}), there.x, period=2 * sp.pi, phase=there.map.phase,
-            symmetry={y: -y, v: -v},
+            there.system.with_parameters({sigma: at - 0.01}), there.x,
+            seen=Strobe(2 * sp.pi, phase=there.map.phase, symmetry={y: -y, v: -v}),
         )  # fmt: skip
-        (again,) = follow(first, sigma, to=at + 0.01).of_kind("symmetry breaking")
+        (again,) = follow(first, {sigma: at + 0.01}).of_kind("symmetry breaking")
         assert again.parameter == pytest.approx(at, abs=ON_CURVE)
 
 
 def test_bounds_are_kept_and_told():
     orbit = map_in_two({x: a * x * (1 - x) - b * x}, {x: 0.6}, (2.8, 0))
-    flip = only(follow(orbit, a, to=3.3), "flip")
-    curve = follow_curve(flip, {a: (2, 5), b: (-1, 1)}, max_steps=30)
+    flip = only(follow(orbit, {a: 3.3}), "flip")
+    curve = follow(flip, {a: (2, 5), b: (-1, 1)}, max_steps=30)
     assert any("`max_steps`" in end for end in curve.ends)
-    table = follow_curve(flip, {a: (2, 5), b: (-1, 1)}).to_dataframe()
+    table = follow(flip, {a: (2, 5), b: (-1, 1)}).to_dataframe()
     assert list(table)[:4] == ["a", "b", "x", "period"] and math.isclose(table["period"].iloc[0], 1)
 
 
@@ -182,13 +185,13 @@ def impacting(frequency, speed):
     T = 2 * math.pi / frequency
     system = hammer.with_parameters({A: amplitude, w: frequency})
     after = solve(system, (at, at + 0.31 * T), {x: 1 - 1e-15, u: -0.8 * speed}, rtol=1e-12).x[:, -1]
-    return find_orbit(system, list(after), period=2 * sp.pi / w, phase=at / T + 0.31)
+    return find_orbit(system, list(after), seen=Strobe(2 * sp.pi / w, phase=at / T + 0.31))
 
 
 def test_an_orbit_grazes_a_stop_along_the_exact_curve():
     quiet = hammer.with_parameters({A: 0.8 * grazing_amplitude(1.4)})
-    orbit = find_orbit(quiet, {x: -0.5, u: 0}, period=2 * sp.pi / w)
-    curve = follow_curve(orbit, {w: (0.55, 3), A: (0, 10)}, kind="grazing impact")
+    orbit = find_orbit(quiet, {x: -0.5, u: 0}, seen=Strobe(2 * sp.pi / w))
+    curve = follow(orbit, {w: (0.55, 3), A: (0, 10)}, kind="grazing impact")
     frequency, amplitude = curve.values
     assert curve.ends == ("reached w = 0.55.", "reached w = 3.")
     assert np.abs(amplitude - grazing_amplitude(frequency)).max() < 1e-10
@@ -205,8 +208,8 @@ def test_a_surface_that_moves_with_a_parameter_is_grazed_in_proportion():
         time=t,
         parameters={A: 0.8, d: 1},
     )
-    orbit = find_orbit(system, {x: -0.5, u: 0}, period=10 * sp.pi / 7)
-    curve = follow_curve(orbit, {d: (0.5, 2), A: (0, 3)}, kind="grazing impact")
+    orbit = find_orbit(system, {x: -0.5, u: 0}, seen=Strobe(10 * sp.pi / 7))
+    curve = follow(orbit, {d: (0.5, 2), A: (0, 3)}, kind="grazing impact")
     assert len(curve.orbits) > 10 and max(point.steps for point in curve.orbits) <= 4
     assert np.abs(curve.values[1] - curve.values[0] * grazing_amplitude(1.4)).max() < 1e-10
 
@@ -218,8 +221,8 @@ def test_a_grazing_curve_ends_where_the_orbit_touches_twice(virtual):
         {x: u, u: b * sp.cos(t) + A * sp.cos(2 * t) - x - u / 10 - stop.reaction}, time=t,
         parameters={b: 0.02, A: 2.2},
     )  # fmt: skip
-    orbit = find_orbit(system, {x: 0, u: 0}, period=2 * sp.pi)
-    curve = follow_curve(orbit, {b: (-0.08, 0.08), A: (0, 5)}, kind="grazing impact", virtual=virtual)
+    orbit = find_orbit(system, {x: 0, u: 0}, seen=Strobe(2 * sp.pi))
+    curve = follow(orbit, {b: (-0.08, 0.08), A: (0, 5)}, kind="grazing impact", virtual=virtual)
     (twice,) = curve.points
     assert twice.name == "grazing impact + grazing impact"
     assert list(twice.values.values()) == pytest.approx([0, abs(3 - 0.2j)], abs=ON_CURVE)
@@ -233,8 +236,8 @@ def test_folds_of_the_impacting_orbit_reach_the_grazing_curve_at_no_speed():
         assert fold_amplitude(frequency) == pytest.approx(amplitude, abs=1e-12)
     (m0, m1), _ = one_impact(1.4)
     orbit = impacting(1.4, 1.3 * m0 / (m0**2 + (0.8 + m1) ** 2 / 1.4**2))
-    fold = only(follow(orbit, A, to=0.2), "fold")
-    curve = follow_curve(fold, {w: (0.55, 3), A: (0, 10)})
+    fold = only(follow(orbit, {A: 0.2}), "fold")
+    curve = follow(fold, {w: (0.55, 3), A: (0, 10)})
     assert max(abs(p - fold_amplitude(q)) for q, p in curve.values.T) < ON_CURVE
     for n, end in ((2, 0), (1, -1)):
         point = curve.points[end]
@@ -252,7 +255,7 @@ def test_folds_of_the_impacting_orbit_reach_the_grazing_curve_at_no_speed():
     [(0.9, 0.778941741889, 0.570728766513), (2.1, 0.375431111950, 3.506188447846)],
 )
 def test_flips_of_the_impacting_orbit_lie_where_the_issue_says(frequency, speed, amplitude):
-    curve = follow_curve(impacting(frequency, 0.98 * speed), {w: (0.6, 3), A: (0, 6)}, kind="flip")
+    curve = follow(impacting(frequency, 0.98 * speed), {w: (0.6, 3), A: (0, 6)}, kind="flip")
     k = int(np.argmin(np.abs(curve.values[0] - frequency)))
     start = curve.orbits[k]
     again = refine(start.map.with_parameters({w: frequency, A: amplitude}), start.x)
@@ -285,8 +288,8 @@ def _flip_amplitude(frequency, near):
 
 def test_virtual_folds_are_marked_where_they_are_asked_for():
     (m0, m1), _ = one_impact(1.05)
-    fold = only(follow(impacting(1.05, 1.3 * m0 / (m0**2 + (0.8 + m1) ** 2 / 1.05**2)), A, to=0.05), "fold")
-    curve = follow_curve(fold, {w: (0.97, 1.1), A: (0, 1)}, virtual=True)
+    fold = only(follow(impacting(1.05, 1.3 * m0 / (m0**2 + (0.8 + m1) ** 2 / 1.05**2)), {A: 0.05}), "fold")
+    curve = follow(fold, {w: (0.97, 1.1), A: (0, 1)}, virtual=True)
     frequency = curve.values[0]
     assert np.array_equal(curve.admissible, frequency > DAMPED)
     assert max(abs(p - fold_amplitude(q)) for q, p in curve.values.T) < ON_CURVE  # the same formula holds on
@@ -302,8 +305,8 @@ def test_a_surface_is_grazed_where_the_forced_motion_reaches_it(kind):
     if kind == "grazing of an event":
         rates, events = {x: u, u: forced}, [Event(x - 1, direction=1, update={u: u / 2}, name="hit")]
     system = System(rates, time=t, parameters={A: 0.8 * grazing_amplitude(1.4), w: 1.4}, events=events)
-    orbit = find_orbit(system, {x: -0.5, u: 0}, period=2 * sp.pi / w, phase=0.05)
-    curve = follow_curve(orbit, {w: (1.05, 3), A: (0, 10)}, kind=kind)
+    orbit = find_orbit(system, {x: -0.5, u: 0}, seen=Strobe(2 * sp.pi / w, phase=0.05))
+    curve = follow(orbit, {w: (1.05, 3), A: (0, 10)}, kind=kind)
     frequency, amplitude = curve.values
     assert len(frequency) > 20 and np.abs(amplitude - grazing_amplitude(frequency)).max() < 1e-10
 
@@ -317,11 +320,11 @@ def test_an_autonomous_cycle_grazes_where_its_branch_ends():
         {y1: y2, y2: -k * y2 - (y1 + 10) + y3 + seat.reaction, y3: 20 * (q - y1 * sp.sqrt(y3))},
         parameters={q: 8.3, k: 1.25},
     )
-    cycle = find_orbit(valve, {y1: 2.6, y2: 0, y3: 12.5}, section=y2, direction=-1, transient=300)
-    branch = follow(cycle, q, to=6)
+    cycle = find_orbit(valve, {y1: 2.6, y2: 0, y3: 12.5}, seen=Return(y2, direction=-1), transient=300)
+    branch = follow(cycle, {q: 6})
     touch = branch.bifurcations[-1]
     assert touch.kind == "grazing impact" and "grazing impact at q" in branch.end
-    curve = follow_curve(touch, {q: (6, 9), k: (1.25, 1.5)})
+    curve = follow(touch, {q: (6, 9), k: (1.25, 1.5)})
     assert "reached k = 1.25." in curve.ends
     at = curve.values[0, int(np.argmin(curve.values[1]))]
     assert at == pytest.approx(branch.values.min(), abs=1e-7 * 2.3)  # the branch ends within its shortest step
@@ -341,8 +344,8 @@ def held_from_below(force, parameters):
     ],
 )
 def test_sticks_are_born_and_parted_along_the_exact_lines(kind, force, to, exact):
-    orbit = find_orbit(held_from_below(force, {a: 0.8, b: 1}), {x: 0.5}, period=2 * sp.pi)
-    curve = follow_curve(only(follow(orbit, a, to=to), kind), {a: (0.2, 5), b: (0.5, 2)})
+    orbit = find_orbit(held_from_below(force, {a: 0.8, b: 1}), {x: 0.5}, seen=Strobe(2 * sp.pi))
+    curve = follow(only(follow(orbit, {a: to}), kind), {a: (0.2, 5), b: (0.5, 2)})
     p, q = curve.values
     assert len(p) > 20 and np.ptp(q) == 1.5
     assert np.abs(p - exact(q)).max() < ON_CURVE
@@ -354,8 +357,8 @@ def test_switching_sliding_lies_where_the_field_below_turns():
         {x: sp.Piecewise((-b, x > 0), (sp.sin(t - a), True))}, time=t, parameters={a: 0.7, b: 1},
         events=[Event(every=2 * sp.pi, update={x: 1})],
     )  # fmt: skip
-    orbit = find_orbit(system, {x: 0.6}, period=2 * sp.pi, phase=0.5 / 2 / math.pi)
-    curve = follow_curve(only(follow(orbit, a, to=1.3), "switching-sliding"), {a: (0.2, 3), b: (0.5, 2)})
+    orbit = find_orbit(system, {x: 0.6}, seen=Strobe(2 * sp.pi, phase=0.5 / 2 / math.pi))
+    curve = follow(only(follow(orbit, {a: 1.3}), "switching-sliding"), {a: (0.2, 3), b: (0.5, 2)})
     p, q = curve.values
     assert len(p) > 20 and np.abs(p - 1 / q).max() < ON_CURVE
 
@@ -369,9 +372,9 @@ def test_den_hartogs_line_is_followed_over_the_frequency():
     system = System(
         {x: u, u: sp.sin(w * t) - x - F * sp.sign(u)}, time=t, parameters={w: 0.7, F: 0.8 * limit(0.7)}
     )
-    orbit = find_orbit(system, {x: 1, u: 0.5}, period=2 * sp.pi / w, symmetry={x: -x, u: -u})
-    begins = only(follow(orbit, F, to=1.1 * limit(0.7)), "crossing-sliding")
-    curve = follow_curve(begins, {w: (0.52, 0.98), F: (0.01, 2)})
+    orbit = find_orbit(system, {x: 1, u: 0.5}, seen=Strobe(2 * sp.pi / w, symmetry={x: -x, u: -u}))
+    begins = only(follow(orbit, {F: 1.1 * limit(0.7)}), "crossing-sliding")
+    curve = follow(begins, {w: (0.52, 0.98), F: (0.01, 2)})
     frequency, force = curve.values
     assert len(force) > 20 and np.abs(force - limit(frequency)).max() < 1e-10
 
@@ -387,15 +390,15 @@ def symmetric(system, **values):
     from friction_oscillator import v, y
 
     return find_orbit(
-        system.with_parameters(values), {y: 0.78, v: -1.03}, period=2 * sp.pi, symmetry={y: -y, v: -v},
+        system.with_parameters(values), {y: 0.78, v: -1.03}, seen=Strobe(2 * sp.pi, symmetry={y: -y, v: -v}),
         transient=50,
     )  # fmt: skip
 
 
 def test_static_friction_lets_a_stick_go_by_a_fold_from_one_half_on(slaved):
     # mu = lam (1 + rho (1 - lam^2)) has its fold at lam = 1 where rho = 1/2.
-    exit_ = only(follow(symmetric(slaved, rho=1, sigma=1.9), "rho", to=0.3), "exit by a fold")
-    curve = follow_curve(exit_, {"rho": (0, 3), "sigma": (1.2, 3)})
+    exit_ = only(follow(symmetric(slaved, rho=1, sigma=1.9), {"rho": 0.3}), "exit by a fold")
+    curve = follow(exit_, {"rho": (0, 3), "sigma": (1.2, 3)})
     assert len(curve.orbits) > 10 and np.abs(curve.values[0] - 0.5).max() < ON_CURVE
     assert "exit by a fold + crossing-sliding" in curve.ends[0] + curve.ends[-1]
 
@@ -407,10 +410,9 @@ def test_a_stick_of_static_friction_is_parted_where_the_drive_comes_to_its_large
     rest = find_orbit(
         slaved.with_parameters({"rho": 3, "sigma": 1.7}),
         {y: 0, v: 0},
-        period=2 * sp.pi,
-        symmetry={y: -y, v: -v},
+        seen=Strobe(2 * sp.pi, symmetry={y: -y, v: -v}),
     )
-    curve = follow_curve(rest, {"rho": (0, 5), "sigma": (0.5, 5)}, kind="adding-sliding")
+    curve = follow(rest, {"rho": (0, 5), "sigma": (0.5, 5)}, kind="adding-sliding")
     rho, sigma = curve.values
     fold = np.sqrt((1 + np.maximum(rho, 0.5)) / (3 * np.maximum(rho, 0.5)))
     assert np.ptp(rho) == 5 and len(rho) > 20
@@ -421,11 +423,11 @@ def test_a_stick_of_static_friction_is_parted_where_the_drive_comes_to_its_large
 def test_folds_and_partings_of_static_friction_lead_to_the_end_of_its_layer(slaved):
     """Beside a stick that a fold just lets go the map has a square root; from release to release it has none."""
     orbit = symmetric(slaved, rho=0.75, sigma=2)
-    branch = follow(orbit, "sigma", to=0.5, longest_step=0.1)
+    branch = follow(orbit, {"sigma": 0.5}, steps=Steps(longest=0.1))
     assert [one.kind for one in branch.bifurcations] == ["fold", "adding-sliding"]
     assert branch.end.startswith("adding-sliding")
     ranges = {"rho": (0, 5), "sigma": (0.5, 5)}
-    folds, parted = (follow_curve(one, ranges) for one in branch.bifurcations)
+    folds, parted = (follow(one, ranges) for one in branch.bifurcations)
     for curve in (folds, parted):
         assert np.ptp(curve.values[0]) > 4.49 and curve.admissible.all()
         (end,) = curve.points
@@ -439,7 +441,9 @@ def test_a_fold_beside_a_stick_that_parts_is_as_near_to_it_as_a_short_slip_says(
     # What is let go with the force D = mu_s - 1 too much slips for sqrt(6 D) and by 3 D^2/2 (the drive is at its
     # largest). Let go earlier by b it slips by (6 D)^(3/2) b/6 more, and half of that comes back through the spring
     # k = 3.1: sigma = sigma_0 + b^2/2 - (k/12) (6 D)^(3/2) b. The next terms are some D^(1/2) of these, here 17 %.
-    fold, parting = follow(symmetric(slaved, rho=rho, sigma=2), "sigma", to=0.5, longest_step=0.1).bifurcations
+    fold, parting = follow(
+        symmetric(slaved, rho=rho, sigma=2), {"sigma": 0.5}, steps=Steps(longest=0.1)
+    ).bifurcations
     lam = math.sqrt((1 + rho) / (3 * rho))
     more = lam * (1 + rho * (1 - lam**2)) - 1
     gap = (3.1 / 12) ** 2 * (6 * more) ** 3 / 2
@@ -451,13 +455,13 @@ def test_static_friction_that_just_catches_ends_a_branch_and_is_followed(slaved)
     from friction_oscillator import omega, v, y
 
     at = slaved.with_parameters({"omega": 0.4, "sigma": 4.6})
-    orbit = find_orbit(at, {y: 0.5, v: 0.3}, period=2 * sp.pi / omega, transient=300)
-    branch = follow(orbit, "omega", to=0.6, longest_step=0.1)
+    orbit = find_orbit(at, {y: 0.5, v: 0.3}, seen=Strobe(2 * sp.pi / omega), transient=300)
+    branch = follow(orbit, {"omega": 0.6}, steps=Steps(longest=0.1))
     assert branch.end.startswith("grazing-sliding") and len(orbit.word) == 6
-    curve = follow_curve(branch.bifurcations[-1], {"omega": (0.4, 3), "sigma": (0.5, 5)})
+    curve = follow(branch.bifurcations[-1], {"omega": (0.4, 3), "sigma": (0.5, 5)})
     assert curve.ends == ("reached sigma = 5.", "reached omega = 0.4.")
     # Two routes: over the drive, at the frequency where the curve leaves the plane.
-    (other,) = follow(orbit, "sigma", to=4, longest_step=0.1).bifurcations
+    (other,) = follow(orbit, {"sigma": 4}, steps=Steps(longest=0.1)).bifurcations
     assert other.kind == "grazing-sliding"
     assert curve.values[1, curve.values[0] == 0.4] == pytest.approx(other.parameter, abs=other.uncertainty)
 
@@ -470,11 +474,11 @@ def test_folds_of_rest_and_of_two_sticks_are_followed_through_canards():
     from tests.reference.rest import rest_limit
 
     orbit = find_orbit(
-        hidden(rho=3, beta=0.1, omega=0.5, sigma=3), {y: 0.5, v: 0.3, z: 0}, period=2 * sp.pi / omega,
-        symmetry={y: -y, v: -v}, transient=100,
+        hidden(rho=3, beta=0.1, omega=0.5, sigma=3), {y: 0.5, v: 0.3, z: 0},
+        seen=Strobe(2 * sp.pi / omega, symmetry={y: -y, v: -v}), transient=100,
     )  # fmt: skip
-    for fold, most in zip(follow(orbit, sigma, to=0.5, longest_step=0.1).of_kind("fold"), (200, 60)):
-        curve = follow_curve(fold, {omega: (0.4, 3), sigma: (0.5, 5)})
+    for fold, most in zip(follow(orbit, {sigma: 0.5}, steps=Steps(longest=0.1)).of_kind("fold"), (200, 60)):
+        curve = follow(fold, {omega: (0.4, 3), sigma: (0.5, 5)})
         assert set(curve.ends) == {"reached omega = 0.4.", "reached omega = 3."}
         assert len(curve.orbits) < most
     k = int(np.argmin(np.abs(curve.values[0] - 1)))
@@ -485,14 +489,14 @@ def test_a_curve_that_leads_no_further_says_so(monkeypatch):
     # Where steps become ever shorter, as in a canard whose slopes are not known; here all are cut short.
     monkeypatch.setattr(curve_ways.Way, "_longer", staticmethod(lambda here, there: 0.5))
     orbit = map_in_two({x: a * x * (1 - x) - b * x}, {x: 0.6}, (2.8, 0))
-    curve = follow_curve(only(follow(orbit, a, to=3.3), "flip"), {a: (1, 5), b: (-1, 1)})
+    curve = follow(only(follow(orbit, {a: 3.3}), "flip"), {a: (1, 5), b: (-1, 1)})
     assert all("cover" in end for end in curve.ends) and len(curve.orbits) < 200
 
 
 def test_two_routes_lead_to_the_point_where_symmetry_breaking_meets_crossing_sliding(slaved):
     ranges = {"rho": (0, 6), "sigma": (1, 6)}
-    broken = follow_curve(only(follow(symmetric(slaved), "sigma", to=3.4), "symmetry breaking"), ranges)
-    crossed = follow_curve(only(follow(symmetric(slaved), "rho", to=0.3), "crossing-sliding"), ranges)
+    broken = follow(only(follow(symmetric(slaved), {"sigma": 3.4}), "symmetry breaking"), ranges)
+    crossed = follow(only(follow(symmetric(slaved), {"rho": 0.3}), "crossing-sliding"), ranges)
     (one,) = broken.of_kind("symmetry breaking + crossing-sliding")
     (other,) = crossed.of_kind("crossing-sliding + symmetry breaking, above")
     # One ends in a bracket of 1e-10 of its arc; of the other the slopes beside it are extrapolated to it.
@@ -508,7 +512,7 @@ def test_the_border_of_a_skew_tent_is_followed():
         {x: sp.Piecewise((a + b - sp.S.Half - 2 * x, x > 0), (a + b - sp.S.Half + x / 2, True))}, {x: 0.1},
         (0.3, 0.5),
     )  # fmt: skip
-    curve = follow_curve(orbit, {a: (-1, 1), b: (-1, 1)}, kind="border collision", switch=x)
+    curve = follow(orbit, {a: (-1, 1), b: (-1, 1)}, kind="border collision", switch=x)
     assert len(curve.orbits) > 20 and np.abs(curve.values.sum(axis=0) - 0.5).max() < 1e-14
 
 
@@ -521,15 +525,15 @@ def slidecont():
     s = 1 - u
     force = sp.Rational(3, 2) * (sp.sign(s) - s) + sp.Rational(9, 20) * s**3 + A * sp.cos(w * t)
     system = System({x: u, u: force - x}, time=t, parameters={A: 1.08, w: 2.4593})
-    orbit = find_orbit(system, {x: 1.13, u: 0.036}, period=2 * sp.pi / w, count=2, phase=0.1)
+    orbit = find_orbit(system, {x: 1.13, u: 0.036}, seen=Strobe(2 * sp.pi / w, phase=0.1), count=2)
     assert orbit.success and orbit.map.count == 2 and not orbit.word
     return orbit, {A: (1, 2), w: (2.3, 2.9)}
 
 
 def test_two_routes_lead_to_the_point_where_flips_begin_to_slide(slidecont):
     orbit, ranges = slidecont
-    flips = follow_curve(orbit, ranges, kind="flip")
-    grazing = follow_curve(orbit, ranges, kind="grazing-sliding")
+    flips = follow(orbit, ranges, kind="flip")
+    grazing = follow(orbit, ranges, kind="grazing-sliding")
     (one,) = flips.of_kind("flip + grazing-sliding")
     (other,) = grazing.of_kind("grazing-sliding + flip")
     assert list(one.values.values()) == pytest.approx(list(other.values.values()), abs=1e-8)
@@ -538,7 +542,7 @@ def test_two_routes_lead_to_the_point_where_flips_begin_to_slide(slidecont):
 
 @pytest.fixture(scope="module")
 def virtual_flips(slidecont):
-    return follow_curve(slidecont[0], {A: (1, 3), w: (2.3, 2.9)}, kind="flip", virtual=True)
+    return follow(slidecont[0], {A: (1, 3), w: (2.3, 2.9)}, kind="flip", virtual=True)
 
 
 @pytest.mark.parametrize(
@@ -550,7 +554,7 @@ def virtual_flips(slidecont):
 )  # fmt: skip
 def test_published_flips_beyond_it_are_virtual(virtual_flips, amplitude, fastest, frequency):
     # Printed in the guide of SlideCont (Dercole & Kuznetsov), with max y' > 1.
-    curve = follow_curve(
+    curve = follow(
         virtual_flips.of_kind("flip + grazing-sliding")[0].orbit, {A: (1, amplitude), w: (2.3, 2.9)}, kind="flip",
         virtual=True,
     )  # fmt: skip
@@ -563,7 +567,7 @@ def test_published_flips_beyond_it_are_virtual(virtual_flips, amplitude, fastest
         parameters={A: amplitude, w: curve.values[1, k]},
     )  # fmt: skip
     start = curve.orbits[k]
-    orbit = find_orbit(smooth, list(start.x), period=2 * sp.pi / w, count=2, phase=start.map.phase)
+    orbit = find_orbit(smooth, list(start.x), seen=Strobe(2 * sp.pi / w, phase=start.map.phase), count=2)
     assert orbit.multipliers[0].real == pytest.approx(-1, abs=1e-8)
     highest = orbit.solution().dense(np.linspace(*orbit.solution().t[[0, -1]], 20001))[0][1].max()
     assert highest == pytest.approx(fastest, abs=1e-3)

@@ -22,18 +22,18 @@ from test_curves import (
     w,
 )
 
-from pwsmooth import find_orbit, follow, follow_curve
+from pwsmooth import Strobe, find_orbit, follow
 
 
 def test_a_fold_of_the_doubled_orbit_begins_at_the_degenerate_flip():
     # x -> -((1 + a) x - b x^3 + x^5) has 2-cycles +-x where a - b x^2 + x^4 = 0, with a fold where a = b^2/4, b > 0.
     orbit = map_in_two({x: -(1 + a) * x + b * x**3 - x**5}, {x: 0.0}, (-0.1, 0.5))
     ranges = {a: (-1, 1), b: (-2, 2)}
-    flips = follow_curve(orbit, ranges, kind="flip")
+    flips = follow(orbit, ranges, kind="flip")
     (point,) = flips.points
     assert point.name == "degenerate flip" and point.begins == ("fold",)
     assert list(point.values.values()) == pytest.approx([0, 0], abs=1e-8)
-    folds = follow_curve(point, ranges)
+    folds = follow(point, ranges)
     p, q = folds.values
     assert len(p) > 10 and q.min() < 0.05 and q.max() == 2
     assert np.abs(4 * p - q**2).max() < ON_CURVE
@@ -44,10 +44,10 @@ def test_quadratic_terms_count_in_the_flips_normal_form():
     # x -> -(1 + a) x + b x^2 - x^3: at a = 0 the coefficient is b^2 - 1.
     orbit = map_in_two({x: -(1 + a) * x + b * x**2 - x**3}, {x: 0.0}, (-0.1, 0.3))
     ranges = {a: (-0.5, 0.5), b: (-2, 2)}
-    flips = follow_curve(orbit, ranges, kind="flip")
+    flips = follow(orbit, ranges, kind="flip")
     assert [p.name for p in flips.points] == ["degenerate flip"] * 2
     assert sorted(p.values["b"] for p in flips.points) == pytest.approx([-1, 1], abs=1e-8)
-    folds = follow_curve(flips.points[0], ranges)
+    folds = follow(flips.points[0], ranges)
 
     def two_cycle(unknown, at):
         y, z, p = unknown  # y -> z -> y, with the product of the slopes 1
@@ -68,12 +68,12 @@ def test_a_torus_begins_at_either_strong_resonance():
         map_in_two(update, {x: 0.36, u: -0.32}, (2.5, -0.9)),
         map_in_two(update, {x: 0.63, u: -0.57}, (-0.5, -0.9)),
     )
-    flips = follow_curve(only(follow(near[0], a, to=2.9), "flip"), ranges)
-    folds = follow_curve(only(follow(near[1], a, to=-0.95), "fold"), ranges)
+    flips = follow(only(follow(near[0], {a: 2.9}), "flip"), ranges)
+    folds = follow(only(follow(near[1], {a: -0.95}), "fold"), ranges)
     for curve, back in ((flips, "flip"), (folds, "fold")):
         (double,) = curve.points
         assert double.begins == ("torus",)
-        torus = follow_curve(double, ranges)
+        torus = follow(double, ranges)
         p, q = torus.values
         assert np.abs(q + 1).max() < ON_CURVE and [p.min(), p.max()] == pytest.approx([-1, 3], abs=1e-8)
         assert any(end.startswith("it begins at") for end in torus.ends)
@@ -87,8 +87,8 @@ def test_a_torus_begins_at_either_strong_resonance():
 def test_a_flip_passes_where_a_fold_meets_it():
     orbit = map_in_two({x: a + x - x**2, u: (b + a) * u * (1 - u)}, {x: 0.9, u: 0.6}, (0.8, 2.0))
     ranges = {a: (-1, 1), b: (1.5, 3.5)}
-    folds = follow_curve(only(follow(orbit, a, to=-0.2), "fold"), ranges)
-    flips = follow_curve(folds.of_kind("fold + flip")[0], ranges)
+    folds = follow(only(follow(orbit, {a: -0.2}), "fold"), ranges)
+    flips = follow(folds.of_kind("fold + flip")[0], ranges)
     p, q = flips.values  # with a + b = 3, while the fixed point x = sqrt(a) exists
     assert np.abs(p + q - 3).max() < ON_CURVE and p.max() > 0.5
 
@@ -97,18 +97,18 @@ def test_a_flip_passes_where_a_fold_meets_it():
 def test_folds_of_impacting_orbits_begin_at_degenerate_grazing_and_lead_back():
     ranges = {w: (0.55, 3), A: (0, 10)}
     quiet = hammer.with_parameters({A: 0.8 * grazing_amplitude(1.4)})
-    orbit = find_orbit(quiet, {x: -0.5, u: 0}, period=2 * sp.pi / w)
-    grazing = follow_curve(orbit, ranges, kind="grazing impact")
+    orbit = find_orbit(quiet, {x: -0.5, u: 0}, seen=Strobe(2 * sp.pi / w))
+    grazing = follow(orbit, ranges, kind="grazing impact")
     third, second, first = grazing.of_kind("degenerate grazing")
     assert all(point.begins == ("fold",) for point in grazing.points)
-    short, long = follow_curve(third, ranges), follow_curve(second, ranges)
+    short, long = follow(third, ranges), follow(second, ranges)
     for folds in (short, long):
         assert len(folds.orbits) > 10 and folds.admissible.all()
         assert max(abs(p - fold_amplitude(q)) for q, p in folds.values.T) < ON_CURVE
     (end,) = long.points
     assert end.name == "fold + grazing impact" and end.begins == ("grazing impact",)
     assert list(end.values.values()) == pytest.approx(list(first.values.values()), abs=1e-7)
-    again = follow_curve(end, ranges)
+    again = follow(end, ranges)
     frequency, amplitude = again.values
     assert np.ptp(frequency) == pytest.approx(2.45)
     assert np.abs(amplitude - grazing_amplitude(frequency)).max() < 1e-10
@@ -118,8 +118,8 @@ def test_folds_of_impacting_orbits_begin_at_degenerate_grazing_and_lead_back():
 @pytest.fixture(scope="module")
 def grazing():
     quiet = hammer.with_parameters({A: 0.8 * grazing_amplitude(1.4)})
-    orbit = find_orbit(quiet, {x: -0.5, u: 0}, period=2 * sp.pi / w)
-    return follow_curve(orbit, {w: (0.55, 3), A: (0, 10)}, kind="grazing impact")
+    orbit = find_orbit(quiet, {x: -0.5, u: 0}, seen=Strobe(2 * sp.pi / w))
+    return follow(orbit, {w: (0.55, 3), A: (0, 10)}, kind="grazing impact")
 
 
 def test_grazing_is_degenerate_for_several_periods_where_the_free_motion_is_back_in_phase(grazing):
@@ -134,7 +134,7 @@ def test_grazing_is_degenerate_for_several_periods_where_the_free_motion_is_back
 def test_folds_of_orbits_with_one_impact_in_several_periods_begin_there(grazing, m, n):
     points = grazing.of_kind(f"degenerate grazing, period {m}")
     point = min(points, key=lambda one: abs(one.values["w"] - 2 * m * DAMPED / n))
-    folds = follow_curve(point, {w: (0.55, 3), A: (0, 10)})
+    folds = follow(point, {w: (0.55, 3), A: (0, 10)})
     assert len(folds.orbits) > 20 and folds.admissible.all()
     assert max(abs(p - fold_amplitude(q, m)) for q, p in folds.values.T) < ON_CURVE
     # Of their orbits the exact map is the one of m periods, with one impact in all.
@@ -148,17 +148,17 @@ def slaved():
     from friction_oscillator import hidden, z
 
     system, ranges = hidden().layered({z: sp.oo}), {"rho": (0, 6), "sigma": (1, 6)}
-    first = only(follow(symmetric(system), "sigma", to=3.4), "symmetry breaking")
-    return system, ranges, follow_curve(first, ranges)
+    first = only(follow(symmetric(system), {"sigma": 3.4}), "symmetry breaking")
+    return system, ranges, follow(first, ranges)
 
 
 def test_each_of_two_curves_of_the_friction_oscillator_leads_to_the_other(slaved):
     system, ranges, broken = slaved
     (one,) = broken.of_kind("symmetry breaking + crossing-sliding")
-    crossed = follow_curve(one, ranges)
-    (other,) = follow_curve(only(follow(symmetric(system), "rho", to=0.3), "crossing-sliding"), ranges).points
+    crossed = follow(one, ranges)
+    (other,) = follow(only(follow(symmetric(system), {"rho": 0.3}), "crossing-sliding"), ranges).points
     assert crossed.kind == "crossing-sliding" and np.ptp(crossed.values[1, crossed.values[0] < 0.5]) < ON_CURVE
-    back = follow_curve(other, ranges)
+    back = follow(other, ranges)
     assert back.kind == "symmetry breaking"
     end = back.of_kind("symmetry breaking + crossing-sliding")[0]
     assert list(end.values.values()) == pytest.approx(list(one.values.values()), abs=2e-9)
@@ -167,7 +167,7 @@ def test_each_of_two_curves_of_the_friction_oscillator_leads_to_the_other(slaved
 def test_asymmetric_orbits_of_the_friction_oscillator_fold_from_a_degenerate_symmetry_breaking_on(slaved):
     _, ranges, broken = slaved
     (point,) = broken.of_kind("degenerate symmetry breaking")
-    folds = follow_curve(point, ranges)
+    folds = follow(point, ranges)
     assert len(folds.orbits) > 5
     # An independent route: branches of asymmetric orbits over sigma turn there.
     k = len(folds.orbits) // 2
@@ -176,9 +176,7 @@ def test_asymmetric_orbits_of_the_friction_oscillator_fold_from_a_degenerate_sym
     rho_, sigma_ = folds.values[:, k]
     start = only_asymmetric(middle, sigma_)
     turns = [
-        f.parameter
-        for to in (sigma_ - 0.2, sigma_ + 0.2)
-        for f in follow(start, "sigma", to=to).of_kind("fold")
+        f.parameter for to in (sigma_ - 0.2, sigma_ + 0.2) for f in follow(start, {"sigma": to}).of_kind("fold")
     ]
     assert min(abs(turn - sigma_) for turn in turns) < 1e-8
 
@@ -199,7 +197,7 @@ def only_asymmetric(orbit, value):
 def test_a_point_at_which_nothing_begins_says_so():
     orbit = map_in_two({x: a + b * x - x**3}, {x: 1.2}, (0.5, 1.8))
     ranges = {a: (-1, 1), b: (0, 2)}
-    (cusp,) = follow_curve(only(follow(orbit, a, to=-1), "fold"), ranges).points
+    (cusp,) = follow(only(follow(orbit, {a: -1}), "fold"), ranges).points
     assert cusp.begins == ()
     with pytest.raises(ValueError, match="at which no other curve begins"):
-        follow_curve(cusp, ranges)
+        follow(cusp, ranges)

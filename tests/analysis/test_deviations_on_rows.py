@@ -48,7 +48,7 @@ CASES = {case.__name__: case for case in (hidden, coupled, contact)}
 @pytest.fixture(params=[*CASES])
 def tapes(request):
     system, start, end = CASES[request.param]()
-    run = solve(system, (0, end), start, with_respect_to=[*start, a, b], rtol=1e-10, atol=1e-12)
+    run = solve(system, (0, end), start, by=[*start, a, b], rtol=1e-10, atol=1e-12)
     return run.tape, dataclasses.replace(run.tape, dense=None), run
 
 
@@ -103,9 +103,9 @@ def test_a_run_too_long_for_rows_makes_them_again(monkeypatch):
     c = sp.Symbol("c", positive=True)  # another model, so that nothing is ready
     swing = System({x: v, v: c * sp.cos(t) - x**3 - sp.sign(v) / 2}, time=t, parameters={c: 1.2})
     run = swing, (0, 800), {x: 1, v: 0}
-    kept = solve(*run, with_respect_to=[c], rtol=1e-9)
+    kept = solve(*run, by=[c], rtol=1e-9)
     assert kept.tape.dense is not None and len(kept.tape.dense) > 1024
     monkeypatch.setattr(event_driven, "_MOST_ROWS", 8 * 3 * 23 * 1500)
-    short = solve(*run, with_respect_to=[c], rtol=1.0000001e-9)
+    short = solve(*run, by=[c], rtol=1.0000001e-9)
     assert short.tape.dense is None
     assert short.derivatives.end == pytest.approx(kept.derivatives.end, rel=1e-5)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Disc, Event, Switch, System, find_orbit, follow, lyapunov_exponents, solve
+from pwsmooth import Disc, Event, Strobe, Switch, System, find_orbit, follow, solve
+from pwsmooth.analysis.lyapunov import lyapunov_exponents
 from pwsmooth.costs import at, event_time, final, value_and_gradient
 
 t, x, y, u, v, w, z = sp.symbols("t x y u v w z", real=True)
@@ -84,7 +85,7 @@ CASES = {
 def test_ends_and_instants_move_as_those_of_runs_beside(case):
     system, start, end = CASES[case]()
     names = [mu, a, x, v]
-    run = solve(system, (0, end), start, with_respect_to=names, **TIGHT)
+    run = solve(system, (0, end), start, by=names, **TIGHT)
     assert run.success and len(run.event_times("stick")) > 0 and not run.derivatives.problems
 
     def beside(name, change):
@@ -104,7 +105,7 @@ def test_ends_and_instants_move_as_those_of_runs_beside(case):
 def test_the_time_to_rest_of_a_thrown_block_moves_as_the_closed_form():
     block = System({x: u, y: v, u: 1 - mu * lam[0], v: -mu * lam[1]}, parameters={mu: 1.05})
     start = {x: 0, y: 0, u: 2 * math.cos(2.5), v: 2 * math.sin(2.5)}
-    runs = [solve(block, (0, 6), start, with_respect_to=[u, v], dense_output=d, **TIGHT) for d in (False, True)]
+    runs = [solve(block, (0, 6), start, by=[u, v], dense_output=d, **TIGHT) for d in (False, True)]
     stop, again = (run.derivatives.at_event(0) for run in runs)
     assert again.time == pytest.approx(stop.time, rel=1e-12)
     slope = (1.05 * np.array([math.cos(2.5), math.sin(2.5)]) + [1, 0]) / (1.05**2 - 1)
@@ -116,7 +117,7 @@ def test_at_the_first_moments_of_a_slip():
     # v(0) = 0 and F = (1 + 0.7 q t, 0.4 t): deviations by q at times within the first step and behind it.
     q = sp.Symbol("q", positive=True)
     block = System({u: 1 + 7 * q * t / 10 - lam[0], v: 2 * t / 5 - lam[1]}, time=t, parameters={q: 1})
-    run = solve(block, (0, 1), {u: 0, v: 0}, with_respect_to=[q], **TIGHT)
+    run = solve(block, (0, 1), {u: 0, v: 0}, by=[q], **TIGHT)
     for end in (1e-3, 0.01, 0.05, 0.2, 1.0):
         ends = [
             solve(block, (0, end), {u: 0, v: 0}, parameters={q: 1 + s}, **TIGHT).x[:, -1] for s in (1e-4, -1e-4)
@@ -129,15 +130,15 @@ def test_slopes_of_a_cost_backward_are_those_forward():
     names = [mu, a, "x", "v"]
     # 4.5 is within the first step of a slip.
     cost = final(x) + at(u, 4.5) + event_time("lam", "stick", 1)
-    backward = value_and_gradient(system, cost, (0, end), start, with_respect_to=names, **TIGHT)
-    d = solve(system, (0, end), start, with_respect_to=names, **TIGHT).derivatives
+    backward = value_and_gradient(system, cost, (0, end), start, by=names, **TIGHT)
+    d = solve(system, (0, end), start, by=names, **TIGHT).derivatives
     forward = d.end[0] + d(4.5, "u") + d.event_times("stick")[1]
     assert backward.gradient == pytest.approx(forward, rel=1e-8, abs=1e-9)
 
 
 def test_a_pass_through_rest_has_no_derivative():
     block = System({u: 3 - lam[0], v: -lam[1]})
-    run = solve(block, (0, 1), {u: -1, v: 0}, with_respect_to=["u"], **TIGHT)
+    run = solve(block, (0, 1), {u: -1, v: 0}, by=["u"], **TIGHT)
     (problem,) = run.derivatives.problems
     assert problem.t == pytest.approx(0.25, abs=1e-9)
 
@@ -145,9 +146,9 @@ def test_a_pass_through_rest_has_no_derivative():
 @pytest.mark.thorough
 def test_the_planar_oscillator_has_its_orbit_and_sticks_are_born_on_its_branch():
     system, start, _ = _oscillator()
-    orbit = find_orbit(system, start, period=8 * sp.pi, transient=20)
+    orbit = find_orbit(system, start, seen=Strobe(8 * sp.pi), transient=20)
     assert orbit.stable and not len(orbit.solution().event_times("stick"))
-    branch = follow(orbit, mu, to=1.2)
+    branch = follow(orbit, {mu: 1.2})
     born = branch.of_kind("grazing-sliding")
     assert len(born) == 2 and born[0].parameter == pytest.approx(born[1].parameter, abs=1e-9)
     # Beyond it the block stops twice in a period.
@@ -157,6 +158,6 @@ def test_the_planar_oscillator_has_its_orbit_and_sticks_are_born_on_its_branch()
 def test_lyapunov_exponents_of_a_block_that_sticks_again_and_again():
     system, start, _ = _oscillator()
     found = lyapunov_exponents(system, start, 400)
-    orbit = find_orbit(system, start, period=8 * sp.pi, transient=20)
+    orbit = find_orbit(system, start, seen=Strobe(8 * sp.pi), transient=20)
     largest = np.log(np.abs(orbit.multipliers).max()) / (8 * math.pi)
     assert found.exponents[0] == pytest.approx(largest, abs=3 * found.errors[0] + 1e-3)

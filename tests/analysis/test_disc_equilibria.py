@@ -8,7 +8,9 @@ import pytest
 import sympy as sp
 from scipy.optimize import brentq
 
-from pwsmooth import Disc, Switch, System, equilibria, find_equilibrium, follow, follow_curve, manifold, solve
+from pwsmooth import Disc, Switch, System, find_equilibrium, follow, solve
+from pwsmooth.analysis.equilibria import equilibria
+from pwsmooth.analysis.global_objects import manifold
 
 x, y, u, v, w = sp.symbols("x y u v w", real=True)
 F, V, a = sp.symbols("F V a", real=True)
@@ -89,7 +91,7 @@ def test_where_a_branch_sticks_folds_and_slips():
         {u: F - lam[0] * (1 + 3 * (1 - square)) - u / 2, v: -lam[1] * (1 + 3 * (1 - square)) - v / 2},
         parameters={F: 0.1},
     )
-    branch = follow(find_equilibrium(block, {u: 0, v: 0}), F, to=3)
+    branch = follow(find_equilibrium(block, {u: 0, v: 0}), {F: 3})
     fold, slip = branch.bifurcations
     assert (fold.kind, slip.kind) == ("hidden fold", "boundary equilibrium: nonsmooth fold")
     assert fold.parameter == pytest.approx(16 / 9, abs=1e-9)  # the largest of l (4 - 3 l^2)
@@ -97,7 +99,7 @@ def test_where_a_branch_sticks_folds_and_slips():
     assert slip.beyond.held == () and branch.equilibria[-1].x == pytest.approx([4, 0])
 
     skew = System({u: F - lam[0] - u / 2, v: sp.Rational(9, 10) - lam[1] - v / 2}, parameters={F: 1.2})
-    branch = follow(find_equilibrium(skew, {u: 1, v: 0.7}), F, to=-2)
+    branch = follow(find_equilibrium(skew, {u: 1, v: 0.7}), {F: -2})
     assert [b.kind for b in branch.bifurcations] == ["boundary equilibrium: persistence"] * 2
     assert [b.parameter for b in branch.bifurcations] == pytest.approx([0.19**0.5, -(0.19**0.5)], abs=1e-9)
     held = np.array([bool(e.held) for e in branch.equilibria])
@@ -114,7 +116,7 @@ def test_a_hopf_point_of_weakening_friction_is_that_on_a_line():
     single = Switch("s", u - V)
     line = System({x: u, u: -x - single * weak.subs(v, 0) - u / 5}, parameters={V: 1})
     for system in (plane, line):
-        branch = follow(find_equilibrium(system, {s: 0.5 if s is x else 0 for s in system.states}), V, to=-1)
+        branch = follow(find_equilibrium(system, {s: 0.5 if s is x else 0 for s in system.states}), {V: -1})
         hopf, border = branch.bifurcations
         assert (hopf.kind, border.kind) == ("Hopf", "boundary equilibrium")
         assert hopf.parameter == pytest.approx(np.log(2), abs=1e-9)
@@ -151,7 +153,7 @@ def test_two_plates_on_each_other():
     (held,) = equilibria(plates.with_parameters({F: 0.4}), BOX, starts=32)
     assert set(held.held) == {"low", "high"} and held.multipliers["high_x"] == pytest.approx(0.8)
     (slid,) = equilibria(plates, BOX, starts=32)
-    assert slid.held == ("low",) and slid.start["x"] == pytest.approx(1.2) and slid.multipliers["low_x"] == 0.5
+    assert slid.held == ("low",) and slid.x0["x"] == pytest.approx(1.2) and slid.multipliers["low_x"] == 0.5
 
 
 def test_a_drag_at_rest_has_an_equilibrium():
@@ -180,8 +182,8 @@ def test_in_the_plane_of_two_forces_slip_begins_on_circles():
     fold = 1 + 3 * (1 - square)
     static = System({u: F - lam[0] * fold - u / 2, v: a - lam[1] * fold - v / 2}, parameters={F: 0.1, a: 0.3})
     for block, kind, radius in ((plain, "boundary equilibrium", 1), (static, "hidden fold", 16 / 9)):
-        first = follow(find_equilibrium(block, {u: 0, v: 0}), F, to=2).bifurcations[0]
-        curve = follow_curve(first, box)
+        first = follow(find_equilibrium(block, {u: 0, v: 0}), {F: 2}).bifurcations[0]
+        curve = follow(first, box)
         assert curve.kind == kind and curve.ends == ("it closes.",)
         assert np.hypot(*np.array(curve.values)) == pytest.approx(radius, abs=1e-10)
 
@@ -229,9 +231,9 @@ def test_curves_from_a_saddle_in_slip():
 def test_on_a_belt_slip_ends_along_lines():
     belt = Disc("m", (u - V, v))
     system = System({u: F - belt[0] - u / 2, v: -belt[1] - v}, parameters={F: 3, V: 1})
-    first = follow(find_equilibrium(system, {u: 4, v: 0}), F, to=0).bifurcations[0]
+    first = follow(find_equilibrium(system, {u: 4, v: 0}), {F: 0}).bifurcations[0]
     assert first.parameter == pytest.approx(1.5, abs=1e-9) and first.what == "the slip of m ends: it is held"
-    curve = follow_curve(first, {F: (0, 3), V: (-2, 2)})
+    curve = follow(first, {F: (0, 3), V: (-2, 2)})
     forces, speeds = np.array(curve.values)
     assert forces == pytest.approx(1 + speeds / 2, abs=1e-9) and np.ptp(speeds) > 3
     assert not curve.points and len(curve.equilibria) < 200

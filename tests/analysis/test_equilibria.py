@@ -16,15 +16,16 @@ from pwsmooth import (
     Event,
     Family,
     Memory,
+    Strobe,
     Switch,
     System,
     Unilateral,
-    equilibria,
     find_equilibrium,
     find_orbit,
     follow,
     solve,
 )
+from pwsmooth.analysis.equilibria import equilibria
 
 t, x, y, u, v, z = sp.symbols("t x y u v z", real=True)
 a, F = sp.symbols("a F", real=True)
@@ -250,7 +251,7 @@ def test_a_common_zero_of_two_fields_is_isolated():
     assert zero.isolated and zero.stable and zero.x.tolist() == [0, 0]
     assert len(equilibria(switched, {x: (-1, 1), v: (-1, 1)})) == 1
     # Half turns multiply by exp(pi a) and exp(-2 pi/3).
-    branch = follow(zero, a, to=1)
+    branch = follow(zero, {a: 1})
     (hopf,) = branch.bifurcations
     assert hopf.kind == "Hopf" and hopf.parameter == pytest.approx(2 / 3, abs=1e-9) and hopf.lyapunov is None
     assert branch.stable[0] and not branch.stable[-1]
@@ -364,7 +365,7 @@ def test_what_depends_on_time_is_refused_by_name_with_the_remedy(system, named):
         with pytest.raises(ValueError, match=f"`system` depends on time .*{named}.*find_orbit"):
             call()
     if named != "a surface":
-        assert find_orbit(system, {x: 0}, period=2 * sp.pi if "rate" in named else 1, phase=0.5).success
+        assert find_orbit(system, {x: 0}, seen=Strobe(2 * sp.pi if "rate" in named else 1, phase=0.5)).success
 
 
 @pytest.mark.parametrize(

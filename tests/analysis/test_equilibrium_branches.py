@@ -11,8 +11,10 @@ import sympy as sp
 from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
-from pwsmooth import Event, Switch, System, Unilateral, equilibria, find_equilibrium, find_orbit, follow
+from pwsmooth import Event, Return, Strobe, Switch, System, Unilateral, find_equilibrium, find_orbit, follow
+from pwsmooth.analysis.continuation import Steps
 from pwsmooth.analysis.continuation.equilibria.hopf import cycle_from
+from pwsmooth.analysis.equilibria import equilibria
 
 x, y, v, z = sp.symbols("x y v z", real=True)
 a, F = sp.symbols("a F", real=True)
@@ -35,7 +37,7 @@ def kinds(branch):
 
 
 def test_a_fold_is_found_and_passed():
-    branch = follow(find_equilibrium(System({x: a - x**2}, parameters={a: 1}), {x: 1}), a, to=-1)
+    branch = follow(find_equilibrium(System({x: a - x**2}, parameters={a: 1}), {x: 1}), {a: -1})
     (fold,) = branch.bifurcations
     assert fold.kind == "fold" and abs(fold.parameter) < LOCATED
     assert branch.x[0, 0] == 1 and branch.x[0, -1] == pytest.approx(-1, abs=1e-12) and branch.values[-1] == 1
@@ -44,7 +46,7 @@ def test_a_fold_is_found_and_passed():
 
 
 def test_a_branch_point_is_no_fold():
-    branch = follow(find_equilibrium(System({x: a * x - x**3}, parameters={a: 1}), {x: 0}), a, to=-1)
+    branch = follow(find_equilibrium(System({x: a * x - x**3}, parameters={a: 1}), {x: 0}), {a: -1})
     assert kinds(branch) == ["branch point"] and abs(branch.bifurcations[0].parameter) < LOCATED
 
 
@@ -56,7 +58,7 @@ def test_a_hopf_point_has_frequency_and_lyapunov_coefficient_of_its_normal_form(
         {x: a * x - w * y + cubic * x * r2, y: w * x + a * y + cubic * y * r2, z: x * y - z},
         parameters={a: -0.4},
     )
-    (hopf,) = follow(find_equilibrium(system, {x: 0, y: 0, z: 0}), a, to=0.3).bifurcations
+    (hopf,) = follow(find_equilibrium(system, {x: 0, y: 0, z: 0}), {a: 0.3}).bifurcations
     assert hopf.kind == "Hopf" and abs(hopf.parameter) < LOCATED
     assert hopf.frequency == pytest.approx(w, abs=LOCATED)
     assert hopf.lyapunov == pytest.approx(2 * cubic / w, rel=1e-10)
@@ -73,7 +75,7 @@ def test_quadratic_terms_enter_the_lyapunov_coefficient_as_in_bautin_s_formula()
             for row in c
         )
         system = System({x: a * x - w * y + f, y: w * x + a * y + g}, parameters={a: -0.1})
-        (hopf,) = follow(find_equilibrium(system, {x: 0, y: 0}), a, to=0.1).of_kind("Hopf")
+        (hopf,) = follow(find_equilibrium(system, {x: 0, y: 0}), {a: 0.1}).of_kind("Hopf")
         (fxx, fxy, fyy, fxxx, fxxy, fxyy, fyyy), (gxx, gxy, gyy, gxxx, gxxy, gxyy, gyyy) = c * [
             2,
             1,
@@ -89,7 +91,7 @@ def test_quadratic_terms_enter_the_lyapunov_coefficient_as_in_bautin_s_formula()
 
 def test_two_real_eigenvalues_of_opposite_sign_are_no_hopf_point():
     system = System({x: (1 + a) * x, y: -y}, parameters={a: -0.5})
-    assert "Hopf" not in kinds(follow(find_equilibrium(system, {x: 0, y: 0}), a, to=0.5))
+    assert "Hopf" not in kinds(follow(find_equilibrium(system, {x: 0, y: 0}), {a: 0.5}))
 
 
 # ---- a valve with an impact
@@ -110,7 +112,7 @@ def valve(**more):
 
 def test_the_relief_valve_has_its_hopf_point():
     # Routh-Hurwitz of the cubic characteristic polynomial, solved for x = y1 by the project's issue 18: 16 digits.
-    branch = follow(find_equilibrium(valve(), {y1: 2.5, y2: 0, y3: 12}), q, to=7)
+    branch = follow(find_equilibrium(valve(), {y1: 2.5, y2: 0, y3: 12}), {q: 7})
     (hopf,) = branch.bifurcations
     assert hopf.parameter == pytest.approx(8.491117635183327, abs=LOCATED)
     assert hopf.equilibrium.x == pytest.approx([2.4103132376866503, 0, 12.41031323768665], abs=LOCATED)
@@ -137,17 +139,17 @@ def grazing_by_shooting():
 
 def test_the_valve_s_cycle_grazes_its_seat_at_one_flow_by_two_routes():
     smooth = valve(events=[Event(y1, name="seat")])  # which only watches
-    (hopf,) = follow(find_equilibrium(smooth, {y1: 2.5, y2: 0, y3: 12}), q, to=8).of_kind("Hopf")
+    (hopf,) = follow(find_equilibrium(smooth, {y1: 2.5, y2: 0, y3: 12}), {q: 8}).of_kind("Hopf")
     cycle = cycle_from(hopf, 0.05)
     assert cycle.success and cycle.stable and 0 < hopf.parameter - cycle.system.parameters[q] < 1e-4
-    branch = follow(cycle, q, to=7.4)
+    branch = follow(cycle, {q: 7.4})
     touch = next(c for c in branch.bifurcations if "seat" in str(c))
     other, period = grazing_by_shooting()
     assert touch.parameter == pytest.approx(other, abs=1e-9)
     assert touch.orbit.period == pytest.approx(period, abs=1e-7)
     # With impacts the branch of the cycle ends there: a square root leads away.
-    real = follow(find_equilibrium(valve(), {y1: 2.5, y2: 0, y3: 12}), q, to=8)
-    impacts = follow(cycle_from(real.bifurcations[0], 0.05), q, to=7.4)
+    real = follow(find_equilibrium(valve(), {y1: 2.5, y2: 0, y3: 12}), {q: 8})
+    impacts = follow(cycle_from(real.bifurcations[0], 0.05), {q: 7.4})
     assert impacts.values.min() == pytest.approx(other, abs=1e-5) and "impact" in impacts.end
 
 
@@ -183,7 +185,7 @@ class Normal:
 def test_a_boundary_equilibrium_is_classified_as_the_determinants_say(seed):
     case = Normal(seed)
     start = find_equilibrium(case.system, case.regular(case.side), sides={"s": 1})
-    branch = follow(start, a, to=-case.side)
+    branch = follow(start, {a: -case.side})
     first = branch.bifurcations[0]
     assert abs(first.parameter) < LOCATED
     kind = "nonsmooth fold" if case.criterion > 0 else "persistence"
@@ -201,14 +203,14 @@ def test_a_boundary_equilibrium_is_classified_as_the_determinants_say(seed):
 def test_virtual_equilibria_are_followed_on_request_and_called_so():
     case = Normal(1)
     start = find_equilibrium(case.system, case.regular(case.side), sides={"s": 1})
-    branch = follow(start, a, to=-case.side, virtual=True)
+    branch = follow(start, {a: -case.side}, virtual=True)
     assert branch.end.startswith("reached") and branch.values[-1] == -case.side
     assert branch.virtual.tolist() == (branch.values * case.side < -LOCATED).tolist()
     assert branch.bifurcations[0].kind.startswith("boundary equilibrium: ")
     for e in branch.equilibria:
         assert e.x == pytest.approx(case.regular(e.system.parameters[a]), abs=1e-10)
     # And back from there: the admissible part begins where it ended.
-    back = follow(branch.equilibria[-1], a, to=case.side)
+    back = follow(branch.equilibria[-1], {a: case.side})
     assert (
         back.end.startswith("reached")
         and not back.virtual[-1]
@@ -222,7 +224,7 @@ def test_a_contact_closes_with_its_class(stiffness, kind):
     # exist together.
     stop = Unilateral(y, restitution=0.5, name="R")
     system = System({y: v, v: a - stiffness * y - v + stop.reaction}, parameters={a: stiffness})
-    branch = follow(find_equilibrium(system, {y: 1, v: 0}, sides={"R": 1}), a, to=-stiffness)
+    branch = follow(find_equilibrium(system, {y: 1, v: 0}, sides={"R": 1}), {a: -stiffness})
     (closing,) = branch.bifurcations
     assert closing.kind == f"boundary equilibrium: {kind}" and abs(closing.parameter) < LOCATED
     assert "closes" in closing.what
@@ -235,11 +237,11 @@ def test_a_contact_closes_with_its_class(stiffness, kind):
 
 
 def test_a_kink_is_passed_or_folds():
-    fold = follow(find_equilibrium(System({x: a - sp.Abs(x)}, parameters={a: 1}), {x: 1}), a, to=-1)
+    fold = follow(find_equilibrium(System({x: a - sp.Abs(x)}, parameters={a: 1}), {x: 1}), {a: -1})
     assert kinds(fold) == ["boundary equilibrium: nonsmooth fold"] and fold.x[0, -1] == pytest.approx(
         -1, abs=1e-12
     )
-    bent = follow(find_equilibrium(System({x: a - x - sp.Abs(x) / 2}, parameters={a: 1}), {x: 1}), a, to=-1)
+    bent = follow(find_equilibrium(System({x: a - x - sp.Abs(x) / 2}, parameters={a: 1}), {x: 1}), {a: -1})
     assert kinds(bent) == ["boundary equilibrium: persistence"] and bent.x[0, -1] == pytest.approx(
         -2, abs=1e-12
     )
@@ -247,7 +249,7 @@ def test_a_kink_is_passed_or_folds():
 
 def test_a_relay_s_equilibrium_goes_through_its_surface():
     relay = System({x: a - sp.sign(x) - x}, parameters={a: -3})
-    branch = follow(find_equilibrium(relay, {x: -2}), a, to=3)
+    branch = follow(find_equilibrium(relay, {x: -2}), {a: 3})
     assert kinds(branch) == ["boundary equilibrium: persistence"] * 2
     assert [c.parameter for c in branch.bifurcations] == pytest.approx([-1, 1], abs=LOCATED)
     values = np.where(abs(branch.values) > 1, branch.values - np.sign(branch.values), 0)
@@ -259,7 +261,7 @@ def test_a_relay_s_equilibrium_goes_through_its_surface():
 
 def test_a_pulled_block_goes_from_stick_over_the_hidden_fold_to_slip():
     pulled = System({v: F - mu(lam) - v / 10}, parameters={F: 0.5})
-    branch = follow(find_equilibrium(pulled, {v: 0}), F, to=3)
+    branch = follow(find_equilibrium(pulled, {v: 0}), {F: 3})
     assert kinds(branch) == ["hidden fold", "boundary equilibrium: nonsmooth fold"]
     hidden, border = branch.bifurcations
     assert hidden.parameter == pytest.approx(16 / 9, abs=LOCATED)
@@ -275,7 +277,7 @@ def test_the_set_in_which_a_block_sticks_is_followed_along_a_state_to_its_ends()
     block = System({y: v, v: 0.7 - 2 * y - mu(lam) - v / 10})
     for direction in (1, -1):
         e = find_equilibrium(block, {y: 0.35, v: 0})
-        branch = follow(e, y, to=direction * 5.0)
+        branch = follow(e, {y: direction * 5.0})
         assert kinds(branch) == ["hidden fold", "end of the set"]
         hidden, end = branch.bifurcations
         assert hidden.parameter == pytest.approx((0.7 + direction * 16 / 9) / 2, abs=LOCATED)
@@ -284,16 +286,16 @@ def test_the_set_in_which_a_block_sticks_is_followed_along_a_state_to_its_ends()
     with pytest.raises(
         ValueError, match="one of a set of equilibria of dimension 1.*along one of the states y, v"
     ):
-        follow(find_equilibrium(System({y: v, v: F - y - mu(lam)}, parameters={F: 0}), {y: 0, v: 0}), F, to=1)
-    with pytest.raises(ValueError, match="`parameter` is the state v, which is the same"):
-        follow(e, v, to=1)
+        follow(find_equilibrium(System({y: v, v: F - y - mu(lam)}, parameters={F: 0}), {y: 0, v: 0}), {F: 1})
+    with pytest.raises(ValueError, match="`over` names the state v, which is the same"):
+        follow(e, {v: 1})
 
 
 def test_a_hidden_state_turns_the_hidden_fold_into_a_fold():
     system = System(
         {v: F - lam * (1 + rho * z), z: (1 - lam**2 - z) / beta}, parameters={F: 0.5, rho: 3, beta: 0.1}
     )
-    branch = follow(find_equilibrium(system, {v: 0, z: 0.9}), F, to=2)
+    branch = follow(find_equilibrium(system, {v: 0, z: 0.9}), {F: 2})
     assert kinds(branch)[0] == "fold" and branch.bifurcations[0].parameter == pytest.approx(16 / 9, abs=LOCATED)
     assert branch.stable[0] and not branch.stable[-2]
 
@@ -301,7 +303,7 @@ def test_a_hidden_state_turns_the_hidden_fold_into_a_fold():
 def test_a_sliding_hopf_point_has_its_cycle_on_the_surface():
     r2 = x**2 + y**2
     system = System({x: a * x - y - x * r2, y: x + a * y - y * r2, z: x / 5 - sp.sign(z)}, parameters={a: -0.3})
-    branch = follow(find_equilibrium(system, {x: 0, y: 0, z: 0}), a, to=0.4)
+    branch = follow(find_equilibrium(system, {x: 0, y: 0, z: 0}), {a: 0.4})
     (hopf,) = branch.bifurcations
     assert hopf.kind == "sliding Hopf" and abs(hopf.parameter) < LOCATED
     assert hopf.frequency == pytest.approx(1, abs=LOCATED) and hopf.lyapunov is None
@@ -314,19 +316,17 @@ def test_a_sliding_hopf_point_has_its_cycle_on_the_surface():
 def test_a_pseudo_hopf_point_is_where_two_invisible_folds_meet():
     # y' = -(x - a) above, -(x + a) below: sliding between x = -|a| and |a|, which repels for a > 0
     s = Switch("s", y)
-    branch = follow(
-        find_equilibrium(System({x: s, y: -x + s * a}, parameters={a: -1}), {x: 0.1, y: 0}), a, to=1
-    )
+    branch = follow(find_equilibrium(System({x: s, y: -x + s * a}, parameters={a: -1}), {x: 0.1, y: 0}), {a: 1})
     assert kinds(branch) == ["pseudo-Hopf"] and abs(branch.bifurcations[0].parameter) < LOCATED
     assert branch.stable[0] and not branch.stable[-1]
     # The other way round on both sides: visible, and no cycle.
-    seen = follow(find_equilibrium(System({x: -s, y: -x + s * a}, parameters={a: -1}), {x: 0.1, y: 0}), a, to=1)
+    seen = follow(find_equilibrium(System({x: -s, y: -x + s * a}, parameters={a: -1}), {x: 0.1, y: 0}), {a: 1})
     assert kinds(seen) == ["two-fold"] and "both visible" in seen.bifurcations[0].what
 
 
 def test_the_surface_of_an_event_is_marked():
     system = System({x: a - x}, parameters={a: 0}, events=[Event(x - 1, name="gate")])
-    branch = follow(find_equilibrium(system, {x: 0}), a, to=2)
+    branch = follow(find_equilibrium(system, {x: 0}), {a: 2})
     assert kinds(branch) == ["surface of an event"] and branch.bifurcations[0].parameter == pytest.approx(
         1, abs=LOCATED
     )
@@ -339,21 +339,21 @@ def test_the_surface_of_an_event_is_marked():
 def test_a_cycle_from_a_hopf_point_is_that_of_the_normal_form_and_goes_on(amplitude):
     r2 = x**2 + y**2
     ring = System({x: a * x - 2 * y - x * r2, y: 2 * x + a * y - y * r2}, parameters={a: -0.5})
-    (hopf,) = follow(find_equilibrium(ring, {x: 0, y: 0}), a, to=0.5).bifurcations
+    (hopf,) = follow(find_equilibrium(ring, {x: 0, y: 0}), {a: 0.5}).bifurcations
     cycle = cycle_from(hopf, amplitude)
     value = cycle.system.parameters[a]
     assert cycle.success and value == pytest.approx(amplitude**2 / 2, abs=1e-8)
     assert np.linalg.norm(cycle.x) == pytest.approx(math.sqrt(value), abs=1e-7)
     assert cycle.period == pytest.approx(math.pi, abs=1e-9)
     assert cycle.multipliers[0].real == pytest.approx(math.exp(-2 * value * math.pi), abs=1e-7)
-    again = find_orbit(cycle.system, cycle.start, section=cycle.map.surface)
+    again = find_orbit(cycle.system, cycle.x0, seen=Return(cycle.map.surface))
     assert again.success and again.x == pytest.approx(cycle.x, abs=1e-8)
-    onward = follow(cycle, a, to=0.8)
+    onward = follow(cycle, {a: 0.8})
     assert np.linalg.norm(onward.x[:, -1]) == pytest.approx(math.sqrt(0.8), abs=1e-9)
 
 
 def test_a_cycle_begins_at_no_fold():
-    (fold,) = follow(find_equilibrium(System({x: a - x**2}, parameters={a: 1}), {x: 1}), a, to=-1).bifurcations
+    (fold,) = follow(find_equilibrium(System({x: a - x**2}, parameters={a: 1}), {x: 1}), {a: -1}).bifurcations
     with pytest.raises(ValueError, match="`hopf` is a fold; cycles begin at a Hopf"):
         cycle_from(fold)
 
@@ -363,17 +363,21 @@ def test_a_cycle_begins_at_no_fold():
 
 def test_a_branch_is_bounded_and_says_why_it_ends():
     start = find_equilibrium(System({x: a - x**2}, parameters={a: 1}), {x: 1})
-    assert "`most`" in follow(start, a, to=-1, most=3).end
-    assert "`max_seconds` are used up" in follow(start, a, to=-1, max_seconds=1e-9).end
+    assert "`max_points`" in follow(start, {a: -1}, steps=Steps(max_points=3)).end
+    assert "`max_seconds` are used up" in follow(start, {a: -1}, max_seconds=1e-9).end
     with pytest.raises(ValueError, match="`virtual` is for equilibria"):
-        follow(find_orbit(System({x: sp.cos(z) - x}, time=z), {x: 0}, period=2 * sp.pi), a, to=1, virtual=True)
-    with pytest.raises(ValueError, match="`parameter` names 'nu'"):
-        follow(start, "nu", to=1)
+        follow(
+            find_orbit(System({x: sp.cos(z) - x}, time=z), {x: 0}, seen=Strobe(2 * sp.pi)),
+            {a: 1},
+            virtual=True,
+        )
+    with pytest.raises(ValueError, match="`over` names 'nu'"):
+        follow(start, {"nu": 1})
 
 
 def test_a_branch_is_a_table_and_a_picture():
     pulled = System({v: F - mu(lam) - v / 10}, parameters={F: 0.5})
-    branch = follow(find_equilibrium(pulled, {v: 0}), F, to=1.5, virtual=True)
+    branch = follow(find_equilibrium(pulled, {v: 0}), {F: 1.5}, virtual=True)
     table = branch.to_dataframe()
     assert list(table) == ["F", "v", "stable", "lam", "stability", "virtual", "rightmost_eigenvalue"]
     assert len(table) == len(branch.equilibria)
@@ -387,7 +391,7 @@ def test_a_branch_is_a_table_and_a_picture():
 
 def test_equilibria_of_a_box_agree_with_the_branch_through_it():
     pulled = System({v: F - mu(lam) - v / 10}, parameters={F: 0.5})
-    branch = follow(find_equilibrium(pulled, {v: 0}), F, to=3)
+    branch = follow(find_equilibrium(pulled, {v: 0}), {F: 3})
     found = equilibria(pulled.with_parameters({F: 1.5}), {v: (-50, 50)})
     passed = [e for e in found if e.admissible]
     assert len(passed) == 3  # stuck, stuck and repelling, slipping: the branch has all
@@ -396,3 +400,38 @@ def test_equilibria_of_a_box_agree_with_the_branch_through_it():
             branch.equilibria, key=lambda o: abs(o.system.parameters[F] - 1.5) + abs(o.mult[0] - e.mult[0])
         )
         assert near.stable == e.stable
+
+
+def test_a_range_is_followed_both_ways():
+    bent = System({x: a + x - x**3}, parameters={a: 0})
+    start = find_equilibrium(bent, {x: 1})
+    whole = follow(start, {a: (-1, 1)})
+    down, up = (follow(start, {a: (-1, 1)}, way=way) for way in (-1, 1))
+    assert whole.equilibria[len(down.equilibria) - 1] is start
+    np.testing.assert_array_equal(whole.values, [*down.values[:0:-1], *up.values])
+    assert [b.parameter for b in whole.bifurcations] == [b.parameter for b in down.bifurcations[::-1]]
+    assert whole.end == f"{down.end} {up.end}" and up.values[-1] == 1
+
+
+@pytest.mark.parametrize(
+    "over, more, words",
+    [
+        ({a: (1, 2)}, {}, "`over` of a goes from 1 to 2, and the start is at 0"),
+        ({a: 0}, {}, "`over` of a is 0, where the start already is"),
+        ({a: 1}, {"way": 1}, "`way` is for a range"),
+        ({a: (0, 1)}, {"way": -1}, "`way` is -1, and the start is at this end"),
+        ({}, {}, "`over` names none"),
+        ({a: 1}, {"kind": "fold"}, "`kind` is for curves over two parameters"),
+        ({a: (0, 1), F: (0, 1)}, {"way": 1}, "`way` is for one parameter"),
+    ],
+)
+def test_where_it_is_followed_is_checked(over, more, words):
+    start = find_equilibrium(System({x: a + F - x**3 - x}, parameters={a: 0, F: 0}), {x: 0})
+    with pytest.raises(ValueError, match=words):
+        follow(start, over, **more)
+
+
+def test_a_bifurcation_is_followed_over_two_parameters():
+    (fold,) = follow(find_equilibrium(System({x: a - x**2}, parameters={a: 1}), {x: 1}), {a: -1}).bifurcations
+    with pytest.raises(TypeError, match="`start` is .*, which is followed over two parameters"):
+        follow(fold, {a: 1})

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Switch, System, Unilateral, equilibria, find_equilibrium, follow, follow_curve
+from pwsmooth import Switch, System, Unilateral, find_equilibrium, follow
+from pwsmooth.analysis.continuation import Steps
+from pwsmooth.analysis.equilibria import equilibria
 
 ON_CURVE = 1e-9  # as for orbits, in test_curves.py
 x, y, v = sp.symbols("x y v", real=True)
@@ -18,8 +20,8 @@ PLANE = {a: (-2, 1), b: (-1, 2)}
 
 def test_a_fold_goes_around_its_cusp():
     cubic = System({x: a + b * x - x**3}, parameters={a: 1, b: 1})
-    fold = follow(find_equilibrium(cubic, {x: 1.3}), a, to=-1, step=0.1).of_kind("fold")[0]
-    curve = follow_curve(fold, {a: (-1, 1), b: (-1, 1)})
+    fold = follow(find_equilibrium(cubic, {x: 1.3}), {a: -1}, steps=Steps(first=0.1)).of_kind("fold")[0]
+    curve = follow(fold, {a: (-1, 1), b: (-1, 1)})
     p, q = curve.values
     assert len(p) > 20 and np.abs(27 * p**2 - 4 * q**3).max() < ON_CURVE
     (cusp,) = curve.points
@@ -30,18 +32,18 @@ def test_a_fold_goes_around_its_cusp():
 def test_a_hopf_curve_and_a_fold_lead_to_each_other_at_bogdanov_and_takens_point():
     # Equilibria x = -+sqrt(-a), trace b + x: Hopf where a = -b^2, b > 0; fold where a = 0.
     system = System({x: y, y: a + b * y + x**2 + x * y}, parameters={a: -1, b: 0.5})
-    branch = follow(find_equilibrium(system, {x: -1, y: 0}), b, to=2)
-    hopf = follow_curve(branch.of_kind("Hopf")[0], PLANE)
+    branch = follow(find_equilibrium(system, {x: -1, y: 0}), {b: 2})
+    hopf = follow(branch.of_kind("Hopf")[0], PLANE)
     assert np.abs(hopf.values[0] + hopf.values[1] ** 2).max() < ON_CURVE and hopf.values[1].min() > -ON_CURVE
     (point,) = hopf.points
     assert point.name == "Bogdanov-Takens" and point.begins == ("fold",)
     assert list(point.values.values()) == pytest.approx([0, 0], abs=1e-8)
-    folds = follow_curve(point, PLANE)
+    folds = follow(point, PLANE)
     assert folds.kind == "fold" and np.abs(folds.values[0]).max() < ON_CURVE and np.ptp(folds.values[1]) == 3
-    other = follow(find_equilibrium(system.with_parameters({a: -0.5, b: 1.5}), {x: 0.7, y: 0}), a, to=0.5)
-    again = follow_curve(other.of_kind("fold")[0], PLANE).of_kind("Bogdanov-Takens")[0]
+    other = follow(find_equilibrium(system.with_parameters({a: -0.5, b: 1.5}), {x: 0.7, y: 0}), {a: 0.5})
+    again = follow(other.of_kind("fold")[0], PLANE).of_kind("Bogdanov-Takens")[0]
     assert again.begins == ("Hopf",) and list(again.values.values()) == pytest.approx([0, 0], abs=1e-8)
-    back = follow_curve(again, PLANE)
+    back = follow(again, PLANE)
     assert back.kind == "Hopf" and back.values[1].min() > -ON_CURVE and back.values[1].max() > 1.4
 
 
@@ -50,8 +52,8 @@ def test_hopf_points_change_their_criticality_where_the_cubic_term_does():
     r2 = x**2 + y**2
     growth = a + b * r2 - r2**2
     system = System({x: x * growth - y, y: y * growth + x}, parameters={a: -0.1, b: 0.5})
-    branch = follow(find_equilibrium(system, {x: 0, y: 0}), a, to=0.5)
-    curve = follow_curve(branch.of_kind("Hopf")[0], {a: (-1, 1), b: (-1, 1)})
+    branch = follow(find_equilibrium(system, {x: 0, y: 0}), {a: 0.5})
+    curve = follow(branch.of_kind("Hopf")[0], {a: (-1, 1), b: (-1, 1)})
     (point,) = curve.points
     assert point.name == "generalised Hopf" and np.abs(curve.values[0]).max() < ON_CURVE
     assert point.values["b"] == pytest.approx(0, abs=1e-8)
@@ -62,12 +64,12 @@ def test_boundary_equilibria_meet_the_fold_where_it_crosses_the_surface():
     system = System({x: sp.Piecewise((a - x**2, x > b), (5, True)), y: -y}, parameters={a: 0.5, b: 0.2})
     (regular,) = (e for e in equilibria(system, {x: (-3, 3), y: (-1, 1)}) if e.kind == "regular")
     ranges = {a: (-1, 2), b: (-1, 1)}
-    curve = follow_curve(regular, ranges, kind="boundary equilibrium")
+    curve = follow(regular, ranges, kind="boundary equilibrium")
     p, q = curve.values
     assert len(p) > 20 and np.abs(p - q**2).max() < ON_CURVE and np.ptp(q) == 2
     (meet,) = curve.of_kind("boundary equilibrium + fold")
     assert meet.begins == ("fold",) and list(meet.values.values()) == pytest.approx([0, 0], abs=1e-8)
-    folds = follow_curve(meet, ranges)
+    folds = follow(meet, ranges)
     # x = 0 lies above the surface where b < 0.
     assert (
         np.abs(folds.values[0]).max() < ON_CURVE
@@ -80,11 +82,11 @@ def test_boundary_equilibria_meet_the_fold_where_it_crosses_the_surface():
 def test_a_fold_ends_where_it_comes_to_a_surface():
     system = System({x: sp.Piecewise((a - x**2, x > b), (5, True)), y: -y}, parameters={a: 0.5, b: -0.5})
     (regular,) = (e for e in equilibria(system, {x: (0.1, 3), y: (-1, 1)}) if e.kind == "regular")
-    folds = follow_curve(follow(regular, a, to=-1).of_kind("fold")[0], {a: (-1, 2), b: (-1, 1)})
+    folds = follow(follow(regular, {a: -1}).of_kind("fold")[0], {a: (-1, 2), b: (-1, 1)})
     (end,) = folds.points
     assert end.name == "fold + boundary equilibrium" and end.begins == ("boundary equilibrium",)
     assert list(end.values.values()) == pytest.approx([0, 0], abs=1e-8) and folds.admissible.all()
-    border = follow_curve(end, {a: (-1, 2), b: (-1, 1)})
+    border = follow(end, {a: (-1, 2), b: (-1, 1)})
     assert np.abs(border.values[0] - border.values[1] ** 2).max() < ON_CURVE
 
 
@@ -92,8 +94,8 @@ def test_a_hidden_fold_is_followed_over_the_strength_of_static_friction():
     # mu = lam (1 + b (1 - lam^2)) has the maximum 2 b ((1 + b)/(3 b))^(3/2), and its fold reaches lam = 1 at b = 1/2.
     lam = Switch("lam", v)
     pulled = System({v: a - lam * (1 + b * (1 - lam**2)) - v / 10}, parameters={a: 1.2, b: 3})
-    branch = follow(find_equilibrium(pulled, {v: 0, "lam": 0.3}), a, to=2.5)
-    curve = follow_curve(branch.of_kind("hidden fold")[0], {a: (0, 3), b: (0.1, 5)})
+    branch = follow(find_equilibrium(pulled, {v: 0, "lam": 0.3}), {a: 2.5})
+    curve = follow(branch.of_kind("hidden fold")[0], {a: (0, 3), b: (0.1, 5)})
     p, q = curve.values
     assert len(p) > 10 and np.abs(p - 2 * q * ((1 + q) / (3 * q)) ** 1.5).max() < ON_CURVE
     (end,) = curve.of_kind("hidden fold + boundary equilibrium")
@@ -105,7 +107,7 @@ def test_a_contact_opens_along_the_line_of_its_reaction():
     floor = Unilateral(y, restitution=0.5, name="R")
     system = System({y: v, v: a - 2 * b - y - v / 5 + floor.reaction}, parameters={a: 0.5, b: 1})
     rest = find_equilibrium(system, {y: 0, v: 0})
-    curve = follow_curve(rest, {a: (0, 3), b: (0.5, 1.2)}, kind="boundary equilibrium")
+    curve = follow(rest, {a: (0, 3), b: (0.5, 1.2)}, kind="boundary equilibrium")
     assert len(curve.equilibria) > 5 and np.abs(curve.values[0] - 2 * curve.values[1]).max() < ON_CURVE
 
 
@@ -116,9 +118,9 @@ def test_hopf_points_of_the_relief_valve_are_followed():
     valve = System(
         {y1: y2, y2: -k * y2 - (y1 + 10) + y3, y3: 20 * (q - y1 * sp.sqrt(y3))}, parameters={q: 9, k: 1.25}
     )
-    (hopf,) = follow(find_equilibrium(valve, {y1: 2.5, y2: 0, y3: 12}), q, to=8).bifurcations
-    curve = follow_curve(hopf, {q: (3, 12), k: (0.8, 1.6)})
-    at = [follow_curve(hopf, {q: (3, 12), k: pair}) for pair in ((1.25, 1.6), (1.0, 1.25))]
+    (hopf,) = follow(find_equilibrium(valve, {y1: 2.5, y2: 0, y3: 12}), {q: 8}).bifurcations
+    curve = follow(hopf, {q: (3, 12), k: (0.8, 1.6)})
+    at = [follow(hopf, {q: (3, 12), k: pair}) for pair in ((1.25, 1.6), (1.0, 1.25))]
     assert min(abs(c.values[0, j] - 8.491117635183327) for c in at for j in (0, -1)) < 1e-9
 
     def trace_condition(y, damping):
@@ -137,6 +139,6 @@ def test_a_start_that_is_followed_nowhere_says_what_is():
     system = System({x: a + b * x - x**3}, parameters={a: 1, b: 1})
     rest = find_equilibrium(system, {x: 1.3})
     with pytest.raises(ValueError, match="`kind` is missing: `start` is an equilibrium"):
-        follow_curve(rest, {a: (-1, 1), b: (-1, 1)})
+        follow(rest, {a: (-1, 1), b: (-1, 1)})
     with pytest.raises(ValueError, match="no switch or contact"):
-        follow_curve(rest, {a: (-1, 1), b: (-1, 1)}, kind="boundary equilibrium")
+        follow(rest, {a: (-1, 1), b: (-1, 1)}, kind="boundary equilibrium")

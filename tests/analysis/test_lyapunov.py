@@ -8,9 +8,10 @@ import pytest
 import sympy as sp
 from friction_oscillator import coulomb, hidden, v, y, z
 
-from pwsmooth import Event, Memory, System, Unilateral, follow, orbit_diagram, solve
+from pwsmooth import Event, Memory, Strobe, System, Unilateral, follow, solve
 from pwsmooth.analysis.lyapunov import largest_exponent, lyapunov_exponents
 from pwsmooth.analysis.orbits.finding import find_orbit
+from pwsmooth.studies import orbit_diagram
 
 PERIOD = 2 * math.pi
 t, x, u, w = sp.symbols("t x u w", real=True)
@@ -27,8 +28,8 @@ t, x, u, w = sp.symbols("t x u w", real=True)
     ids=["crossings", "relaxing", "slaved", "smoothed"],
 )
 def test_on_a_periodic_orbit_they_are_the_logarithms_of_the_multipliers(system, start):
-    orbit = find_orbit(system, start, period=2 * sp.pi, transient=30)
-    found = lyapunov_exponents(system, orbit.start, 10 * PERIOD, transient=5 * PERIOD, rtol=1e-11)
+    orbit = find_orbit(system, start, seen=Strobe(2 * sp.pi), transient=30)
+    found = lyapunov_exponents(system, orbit.x0, 10 * PERIOD, transient=5 * PERIOD, rtol=1e-11)
     # Five periods align the deviation but for |m2/m1|**5 < 1e-6 of it.
     assert found.exponents[0] == pytest.approx(math.log(abs(orbit.multipliers[0])) / PERIOD, abs=1e-6)
 
@@ -150,7 +151,7 @@ def test_exponents_along_a_branch_are_those_of_the_linear_flow():
     # x'' + c x' + x = cos t, overdamped: the exponents -c/2 +- sqrt(c^2/4 - 1).
     c = sp.Symbol("c", positive=True)
     oscillator = System({x: u, u: sp.cos(t) - x - c * u}, time=t, parameters={c: 3})
-    branch = follow(find_orbit(oscillator, {x: 0, u: 0}, period=2 * sp.pi), c, to=2.5)
+    branch = follow(find_orbit(oscillator, {x: 0, u: 0}, seen=Strobe(2 * sp.pi)), {c: 2.5})
     root = np.sqrt(branch.values**2 / 4 - 1)
     assert branch.exponents == pytest.approx(np.array([root, -root]) - branch.values / 2, abs=1e-8)
     assert branch.to_dataframe()["largest_exponent"].to_numpy() == pytest.approx(branch.exponents[0], abs=0)
@@ -158,7 +159,7 @@ def test_exponents_along_a_branch_are_those_of_the_linear_flow():
 
 def test_an_orbit_that_sticks_has_an_exponent_minus_infinity():
     driven = System({x: u, u: sp.sin(t / 3) - x - sp.sign(u) * 0.3}, time=t)
-    orbit = find_orbit(driven, {x: 0.5, u: 0.5}, period=6 * sp.pi, transient=20)
+    orbit = find_orbit(driven, {x: 0.5, u: 0.5}, seen=Strobe(6 * sp.pi), transient=20)
     assert any(kind == "stick" for _, kind, _ in orbit.word)
     assert np.isneginf(orbit.exponents[-1])
 
@@ -169,7 +170,7 @@ def test_exponents_of_an_orbit_diagram_are_those_of_the_logistic_map():
     logistic = System(
         {x: 0 * x}, time=t, parameters={c: 3}, events=[Event(every=1, update={x: c * x * (1 - x)})]
     )
-    shown = orbit_diagram(logistic, c, [2.5, 4.0], {x: 0.3}, 1, keep=4)
+    shown = orbit_diagram(logistic, c, [2.5, 4.0], {x: 0.3}, Strobe(1), keep=4)
     found = shown.exponents(4000.0)[:, 0]
     assert found[0] == pytest.approx(np.log(0.5), abs=1e-6)
     assert found[1] == pytest.approx(

@@ -7,7 +7,19 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, Switch, System, Unilateral, basins, find_equilibrium, find_orbit, follow, manifold
+from pwsmooth import (
+    Event,
+    Return,
+    Strobe,
+    Switch,
+    System,
+    Unilateral,
+    basins,
+    find_equilibrium,
+    find_orbit,
+    follow,
+)
+from pwsmooth.analysis.global_objects import manifold
 from pwsmooth.analysis.global_objects.arms import SMALLEST
 
 t, x, y, v, z = sp.symbols("t x y v z", real=True)
@@ -116,7 +128,7 @@ def henon_series(m, x0, order=80):
 
 @pytest.mark.parametrize("kind", ["unstable", "stable"])
 def test_henons_manifolds_are_those_of_the_parametrisation(kind):
-    saddle = find_orbit(at_rest((x, y), HENON), {x: 0.63, y: 0.19}, period=1)
+    saddle = find_orbit(at_rest((x, y), HENON), {x: 0.63, y: 0.19}, seen=Strobe(1))
     a, b = 1.4, 0.3
     x0 = (-(1 - b) + np.sqrt((1 - b) ** 2 + 4 * a)) / (2 * a)
     root = np.sqrt((a * x0) ** 2 + b)
@@ -138,7 +150,7 @@ def test_henons_manifolds_are_those_of_the_parametrisation(kind):
 
 @pytest.mark.thorough
 def test_the_curves_of_henons_saddle_cross_where_both_parametrisations_do():
-    saddle = find_orbit(at_rest((x, y), HENON), {x: 0.63, y: 0.19}, period=1)
+    saddle = find_orbit(at_rest((x, y), HENON), {x: 0.63, y: 0.19}, seen=Strobe(1))
     a, b = 1.4, 0.3
     x0 = (-(1 - b) + np.sqrt((1 - b) ** 2 + 4 * a)) / (2 * a)
     root = np.sqrt((a * x0) ** 2 + b)
@@ -189,7 +201,7 @@ def test_the_border_collision_normal_form_has_a_polygon_as_unstable_curve():
     tau_left, tau_right, delta = 1.7, -1.7, 0.5
     fixed = 1 / (1 - tau_right + delta)
     saddle = np.array([fixed, -delta * fixed])
-    orbit = find_orbit(corner_map(tau_left, tau_right, delta), {x: fixed, y: -delta * fixed}, period=1)
+    orbit = find_orbit(corner_map(tau_left, tau_right, delta), {x: fixed, y: -delta * fixed}, seen=Strobe(1))
     m = (tau_right - np.sqrt(tau_right**2 - 4 * delta)) / 2
     assert orbit.map_multipliers[0].real == pytest.approx(m, abs=1e-12)
     found = manifold(orbit, "unstable", length=6, spacing=0.05)
@@ -217,9 +229,9 @@ PERIOD = 2 * sp.pi / sp.Rational(11, 10)
 @pytest.fixture(scope="module")
 def hammered():
     """Between fold and grazing: the quiet orbit, the one with an impact, and the saddle of the fold."""
-    hit = find_orbit(hammer(0.18), {x: 0.5, v: 2}, period=PERIOD, transient=300)
-    quiet = find_orbit(hammer(0.18), {x: -0.5, v: 0}, period=PERIOD)
-    return quiet, hit, follow(hit, A, to=0.1).orbits[-1]
+    hit = find_orbit(hammer(0.18), {x: 0.5, v: 2}, seen=Strobe(PERIOD), transient=300)
+    quiet = find_orbit(hammer(0.18), {x: -0.5, v: 0}, seen=Strobe(PERIOD))
+    return quiet, hit, follow(hit, {A: 0.1}).orbits[-1]
 
 
 def test_the_saddle_of_an_impact_oscillator_has_the_basins_on_both_sides_of_its_stable_curve(hammered):
@@ -247,7 +259,7 @@ def test_the_boundary_between_cells_of_basins_is_the_stable_curve(hammered):
     _, _, saddle = hammered
     found = manifold(saddle, "stable", length=12, spacing=0.005)
     rows, columns = np.linspace(-1, 0.8, 7), np.linspace(-2.5, 2.5, 21)
-    cells = basins(hammer(0.18), {x: rows, v: columns}, PERIOD, transient=150)
+    cells = basins(hammer(0.18), {x: rows, v: columns}, Strobe(PERIOD), transient=150)
     assert len(cells.attractors) == 2
     P, stop = saddle.map, [orbit.x for orbit in cells.attractors]
 
@@ -296,7 +308,7 @@ def test_an_unstable_curve_ends_in_the_point_that_attracts_it(hammered):
 
 
 def test_a_manifold_wants_a_saddle():
-    stable = find_orbit(at_rest((x,), {x: x / 2}), {x: 0}, period=1)
+    stable = find_orbit(at_rest((x,), {x: x / 2}), {x: 0}, seen=Strobe(1))
     with pytest.raises(ValueError, match="no single one outside the unit circle"):
         manifold(stable, "unstable", length=1)
 
@@ -309,7 +321,7 @@ def test_a_manifold_wants_an_end():
 def test_a_curve_that_jumps_says_so():
     # The unstable curve y = 0 of (2 x, y/2) is torn where x passes 1: everything beyond is lifted by 1.
     torn = at_rest((x, y), {x: 2 * x, y: y / 2 + sp.Heaviside(x - 1)})
-    found = manifold(find_orbit(torn, {x: 0, y: 0}, period=1), box={x: (-3, 3)}, spacing=0.02)
+    found = manifold(find_orbit(torn, {x: 0, y: 0}, seen=Strobe(1)), box={x: (-3, 3)}, spacing=0.02)
     (right,) = (arm for arm in found.arms if arm.jumps)
     at = int(np.flatnonzero(np.isnan(right.points[0]))[0])
     assert right.points[:, at - 1] == pytest.approx([2, 0], abs=1e-7)
@@ -330,11 +342,11 @@ def test_the_stable_curve_of_an_orbit_that_sticks_separates_its_mirrored_neighbo
     lam = Switch("lam", v)
     mu = lam * (1 + 3 * (1 - lam**2))
     block = System({x: v, v: -sigma * sp.sin(t) - 3.1 * x - 0.1 * v - mu}, time=t, parameters={sigma: 3.4})
-    saddle = find_orbit(block, {x: 0.7508, v: -1.5075}, period=2 * sp.pi, symmetry={x: -x, v: -v})
+    saddle = find_orbit(block, {x: 0.7508, v: -1.5075}, seen=Strobe(2 * sp.pi, symmetry={x: -x, v: -v}))
     assert saddle.success and not saddle.stable and abs(saddle.map_multipliers[1]) < 1e-12
     found = manifold(saddle, "stable", length=1)
     assert found.points.shape[1] > 100
-    whole = find_orbit(block, saddle.start, period=2 * sp.pi).map
+    whole = find_orbit(block, saddle.x0, seen=Strobe(2 * sp.pi)).map
     for arm in found.arms:
         for k in (20, 50, 70):
             along = arm.points[:, k + 1] - arm.points[:, k - 1]
@@ -350,7 +362,7 @@ def test_the_stable_curve_of_an_orbit_that_sticks_ends_where_the_map_jumps():
     lam = Switch("lam", v)
     mu = lam * (1 + 3 * (1 - lam**2))
     block = System({x: v, v: -3.4 * sp.sin(t) - 3.1 * x - 0.1 * v - mu}, time=t)
-    saddle = find_orbit(block, {x: 0.7508, v: -1.5075}, period=2 * sp.pi, symmetry={x: -x, v: -v})
+    saddle = find_orbit(block, {x: 0.7508, v: -1.5075}, seen=Strobe(2 * sp.pi, symmetry={x: -x, v: -v}))
     found = manifold(saddle, "stable", length=10)
     arm = next(arm for arm in found.arms if "after 1 application:" in arm.end)
     assert arm.end.startswith("the map jumps there")
@@ -365,7 +377,7 @@ def ring():
     r2 = x**2 + y**2
     growth = (1 - r2) * (4 - r2) * (9 - r2) / 200
     cycle = System({x: growth * x - y, y: growth * y + x, z: -z / 5})
-    return find_orbit(cycle, {x: 2, y: 0, z: 0}, section=y)
+    return find_orbit(cycle, {x: 2, y: 0, z: 0}, seen=Return(y))
 
 
 def test_the_stable_curve_of_a_cycle_on_its_section_is_found_by_preimages():
@@ -383,8 +395,8 @@ def test_the_unstable_curve_of_a_cycle_ends_in_the_cycles_beside_it():
 @pytest.mark.parametrize("kind", ["unstable", "stable"])
 def test_half_a_period_of_a_symmetric_orbit_gives_the_same_curve(kind):
     duffing = System({x: v, v: -v / 10 + x - x**3 + sp.cos(t) / 20}, time=t)
-    half = find_orbit(duffing, {x: 0, v: 0}, period=2 * sp.pi, symmetry={x: -x, v: -v})
-    full = find_orbit(duffing, half.start, period=2 * sp.pi)
+    half = find_orbit(duffing, {x: 0, v: 0}, seen=Strobe(2 * sp.pi, symmetry={x: -x, v: -v}))
+    full = find_orbit(duffing, half.x0, seen=Strobe(2 * sp.pi))
     one, other = manifold(half, kind, length=2), manifold(full, kind, length=2.2, spacing=0.002)
     points = one.points[:, np.isfinite(one.points[0])]
     # A chord is off its arc by 0.002^2/8 of the curvature, which is below 5 here.
@@ -410,7 +422,7 @@ def test_points_of_a_stable_curve_that_preimages_find_come_to_the_saddle():
     # Of the border-collision normal form, whose multipliers are negative: two preimages at a time.
     delta, tau = 0.5, -1.7
     fixed = 1 / (1 - tau + delta)
-    orbit = find_orbit(corner_map(1.7, tau, delta), {x: fixed, y: -delta * fixed}, period=1)
+    orbit = find_orbit(corner_map(1.7, tau, delta), {x: fixed, y: -delta * fixed}, seen=Strobe(1))
     found = manifold(orbit, "stable", length=1.5, spacing=0.2)
     for arm in found.arms:
         end = orbit.map.iterate(arm.points[:, -1], 16)[-1]
@@ -433,11 +445,11 @@ def test_the_stable_curve_of_a_smoothed_saddle_separates_its_mirrored_neighbours
     lam = Switch("lam", v)
     mu = lam * (1 + 3 * (1 - lam**2))
     block = System({x: v, v: -3.4 * sp.sin(t) - 3.1 * x - 0.1 * v - mu}, time=t).smoothed(eps=0.05)
-    saddle = find_orbit(block, {x: 0.7977, v: -1.5866}, period=2 * sp.pi, symmetry={x: -x, v: -v})
+    saddle = find_orbit(block, {x: 0.7977, v: -1.5866}, seen=Strobe(2 * sp.pi, symmetry={x: -x, v: -v}))
     assert saddle.success and abs(saddle.map_multipliers[0]) > 1
     found = manifold(saddle, "stable", length=0.4, spacing=0.05)
     assert [arm.end for arm in found.arms] == ["reached the length 0.4."] * 2
-    whole = find_orbit(block, saddle.start, period=2 * sp.pi).map
+    whole = find_orbit(block, saddle.x0, seen=Strobe(2 * sp.pi)).map
     for arm in found.arms:
         along = arm.points[:, -1] - arm.points[:, -2]
         across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
@@ -454,7 +466,7 @@ def test_a_table_has_the_points_of_both_arms():
 
 
 def test_a_manifold_ends_where_its_steps_are_used_up():
-    saddle = find_orbit(at_rest((x, y), HENON), {x: 0.63, y: 0.19}, period=1)
+    saddle = find_orbit(at_rest((x, y), HENON), {x: 0.63, y: 0.19}, seen=Strobe(1))
     found = manifold(saddle, length=20, max_steps=300)
     assert any("max_steps" in arm.end for arm in found.arms)
     assert all(0 < arm.length < 20 for arm in found.arms[:1])

@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 from friction_oscillator import coulomb, hidden, k, sigma, v, y, z
 
-from pwsmooth import Switch, System
+from pwsmooth import Return, Strobe, Switch, System
 from pwsmooth.analysis.maps.sections import Section, Stroboscopic
 from pwsmooth.analysis.orbits.finding import find_orbit, refine
 
@@ -29,7 +29,7 @@ def den_hartog(frequency, friction):
         time=t,
         parameters={omega: frequency, F: friction},
     )
-    return find_orbit(system, {x: 1, u: 0.5}, period=2 * sp.pi / omega, symmetry={x: -x, u: -u})
+    return find_orbit(system, {x: 1, u: 0.5}, seen=Strobe(2 * sp.pi / omega, symmetry={x: -x, u: -u}))
 
 
 def constants(frequency):
@@ -79,14 +79,14 @@ def differences_of(P, at):
     ids=["crossings", "relaxing", "slaved", "smoothed"],
 )
 def test_multipliers_are_those_of_differences_of_the_map(system, start):
-    orbit = find_orbit(system, start, period=T, transient=30)
+    orbit = find_orbit(system, start, seen=Strobe(T), transient=30)
     assert orbit.success and orbit.stable
     numeric = np.linalg.eigvals(differences_of(orbit.map, orbit.x))
     assert np.sort(np.abs(orbit.multipliers)) == pytest.approx(np.sort(np.abs(numeric)), abs=DIFFERENCE)
 
 
 def test_the_orbit_is_the_published_one_and_lies_on_its_solution():
-    orbit = find_orbit(hidden().layered({z: sp.oo}), {y: 0.78, v: -1.03}, period=T, symmetry=MIRROR)
+    orbit = find_orbit(hidden().layered({z: sp.oo}), {y: 0.78, v: -1.03}, seen=Strobe(T, symmetry=MIRROR))
     run = orbit.solution(rtol=1e-12)
     sticks = [s for s in run.segments if s.status == (0,)]
     # spec/solid_friction.md section 4, nine decimals
@@ -96,8 +96,8 @@ def test_the_orbit_is_the_published_one_and_lies_on_its_solution():
 
 
 def test_the_half_period_map_squared_is_the_map_of_the_whole_period():
-    half = find_orbit(coulomb(), {y: 0.5, v: 0.3}, period=T, symmetry=MIRROR)
-    whole = find_orbit(coulomb(), half.start, period=T)
+    half = find_orbit(coulomb(), {y: 0.5, v: 0.3}, seen=Strobe(T, symmetry=MIRROR))
+    whole = find_orbit(coulomb(), half.x0, seen=Strobe(T))
     assert half.symmetric and not whole.symmetric
     assert whole.x == pytest.approx(half.x, abs=1e-11)
     assert whole.jacobian == pytest.approx(half.jacobian @ half.jacobian, abs=1e-11)
@@ -107,8 +107,8 @@ def test_the_half_period_map_squared_is_the_map_of_the_whole_period():
 def test_an_unstable_orbit_is_found_that_no_transient_reaches():
     # sigma = 2.5 > 2.45: the symmetric orbit has lost its stability to the asymmetric pair.
     system = hidden(sigma=2.5).smoothed(eps=0.1)
-    symmetric = find_orbit(system, {y: 0.91, v: -1.05, z: 0.015}, period=T, symmetry=MIRROR)
-    attractor = find_orbit(system, symmetric.x + 0.01, period=T, transient=100)
+    symmetric = find_orbit(system, {y: 0.91, v: -1.05, z: 0.015}, seen=Strobe(T, symmetry=MIRROR))
+    attractor = find_orbit(system, symmetric.x + 0.01, seen=Strobe(T), transient=100)
     assert symmetric.success and not symmetric.stable
     assert attractor.success and attractor.stable
     assert np.abs(attractor.x - symmetric.x).max() > 0.01
@@ -125,7 +125,7 @@ def test_an_autonomous_orbit_is_a_fixed_point_of_the_return_map():
     # w = sqrt(1 - delta^2). So X -> (X - 1)*E - 1, twice a turn; fixed at X = (E + 1)/(E - 1).
     delta = 0.1
     E = math.exp(delta * math.pi / math.sqrt(1 - delta**2))
-    orbit = find_orbit(relay(delta), {x: -15.0, u: 1.0}, section=u, direction=-1)
+    orbit = find_orbit(relay(delta), {x: -15.0, u: 1.0}, seen=Return(u, direction=-1))
     assert orbit.success and not orbit.stable
     assert orbit.x[0] == pytest.approx((E + 1) / (E - 1), rel=1e-10)
     assert orbit.multipliers == pytest.approx([E**2], rel=1e-9)
@@ -149,7 +149,7 @@ def belt_pull(slip, drop=3):
 def test_one_orbit_has_one_period_and_multipliers_on_every_section_also_within_its_stick():
     block = System({x: u, u: -x + belt_pull(sp.Rational(1, 10) - u)})
     orbits = [
-        find_orbit(block, {x: 1, u: 0}, section=section, direction=way, transient=20)
+        find_orbit(block, {x: 1, u: 0}, seen=Return(section, direction=way), transient=20)
         # In the stick, at u = 1/10, x grows to 1.1; across it; while it slips.
         for section, way in ((x - 1, 1), (x - sp.Rational(1, 2), 1), (u, -1), (x, -1), (x, 1))
     ]
@@ -170,7 +170,7 @@ def test_popps_two_masses_have_one_orbit_on_five_sections_from_ten_starts():
     found = []
     for start in np.random.default_rng(0).normal(size=(10, 4)) * [1, 0.5, 1, 0.5]:
         for section, way in sections:
-            orbit = find_orbit(masses, start, section=section, direction=way, transient=60)
+            orbit = find_orbit(masses, start, seen=Return(section, direction=way), transient=60)
             assert orbit.success, (section, start, orbit.message)
             found.append([orbit.period, *np.sort(np.abs(orbit.multipliers))[-2:]])
     assert np.array(found) == pytest.approx(np.tile(found[0], (len(found), 1)), abs=1e-7)
@@ -197,12 +197,12 @@ def test_a_transient_that_fails_says_what_failed():
     from pwsmooth import Event
 
     damped = System({x: u, u: -x - u / 5})
-    orbit = find_orbit(damped, {x: 2, u: 0}, section=x - sp.Rational(1, 2), transient=50)
+    orbit = find_orbit(damped, {x: 2, u: 0}, seen=Return(x - sp.Rational(1, 2)), transient=50)
     assert not orbit.success and "does not cross the section x - 1/2 = 0 rising" in orbit.message
     assert "finished" not in orbit.message and "transient ended after" in orbit.message
     grows = System({x: x / 5 + 0 * t}, time=t, events=[Event(x - 2, terminal=True, name="wall")])
     P = Stroboscopic(grows, 1)
-    orbit = find_orbit(grows, {x: 1}, period=1, transient=10)
+    orbit = find_orbit(grows, {x: 1}, seen=Strobe(1), transient=10)
     assert not orbit.success and "after 3 of 10" in orbit.message and "'wall' stopped it" in orbit.message
     # x = exp(t/5) reaches 2 at 3.47: the points after it are unknown, and not the one at which it stopped.
     assert P.iterate({x: 1}, 5)[:, 0] == pytest.approx(
@@ -223,7 +223,7 @@ def test_a_return_map_refuses_time_wherever_it_stands(place):
         "gap": lambda: System({x: u, u: -1 + table.reaction}, time=t),
     }[place]()
     with pytest.raises(ValueError, match="depends on time"):
-        find_orbit(system, {x: 1, u: 1}, section=u)
+        find_orbit(system, {x: 1, u: 1}, seen=Return(u))
 
 
 def test_the_derivative_of_a_return_map_by_a_parameter():
@@ -253,7 +253,7 @@ def test_a_period_two_orbit_is_recognised_in_the_transient():
     system = System(
         {x: 0 * x}, time=t, parameters={c: 3.2}, events=[Event(every=1, update={x: c * x * (1 - x)})]
     )
-    orbit = find_orbit(system, {x: 0.3}, period=1, phase=0.5, transient=200)
+    orbit = find_orbit(system, {x: 0.3}, seen=Strobe(1, phase=0.5), transient=200)
     assert orbit.map.count == 2 and orbit.period == 2
     # x = (c + 1 +- sqrt((c - 3)(c + 1)))/(2 c), multiplier 4 + 2 c - c^2
     values = [(4.2 + s * math.sqrt(0.2 * 4.2)) / 6.4 for s in (1, -1)]
@@ -262,7 +262,7 @@ def test_a_period_two_orbit_is_recognised_in_the_transient():
 
 
 def test_an_orbit_that_repeats_sooner_than_asked_for_is_given_with_its_own_period():
-    orbit = find_orbit(coulomb(), {y: 0.5, v: 0.3}, period=T, count=6)
+    orbit = find_orbit(coulomb(), {y: 0.5, v: 0.3}, seen=Strobe(T), count=6)
     assert orbit.success and orbit.map.count == 1 and "after 1 of the 6" in orbit.message
     assert orbit.period == pytest.approx(2 * math.pi)
     turns = Section(relay(0.1), surface=u, direction=-1, count=2)
@@ -288,7 +288,7 @@ def clocked(rate, **kept):
 )
 @pytest.mark.parametrize("phase", [0.0, 0.25])
 def test_what_does_not_return_after_one_more_period_is_no_orbit(system, period, culprit, remedy, phase):
-    orbit = find_orbit(system, {x: 0}, period=period, phase=phase)
+    orbit = find_orbit(system, {x: 0}, seen=Strobe(period, phase=phase))
     assert not orbit.success
     assert culprit in orbit.message and remedy in orbit.message
 
@@ -302,14 +302,14 @@ def test_a_symmetry_that_an_event_breaks_is_no_symmetry_of_the_orbit():
         time=t,
         events=[Event(every=2 * sp.pi, update={u: u + sp.Rational(1, 10)})],
     )
-    orbit = find_orbit(kicked, {x: 0, u: 5}, period=T, phase=0.2, symmetry={x: -x, u: -u})
+    orbit = find_orbit(kicked, {x: 0, u: 5}, seen=Strobe(T, phase=0.2, symmetry={x: -x, u: -u}))
     assert not orbit.success
-    assert find_orbit(kicked, {x: 0, u: 5}, period=T, phase=0.2).success
+    assert find_orbit(kicked, {x: 0, u: 5}, seen=Strobe(T, phase=0.2)).success
 
 
 def test_a_memory_that_repeats_does_no_harm():
     alternating = clocked(lambda m: m, to=lambda m: 1 - m)
-    orbit = find_orbit(alternating, {x: 0}, period=2, phase=0.25)
+    orbit = find_orbit(alternating, {x: 0}, seen=Strobe(2, phase=0.25))
     # m = 0 and then 1: x falls and rises by turns, x(1) = x(2)/e, x(2) = 1 - (1 - x(1))/e.
     low = (1 - math.exp(-1)) / (math.exp(1) - math.exp(-1))
     assert orbit.success
@@ -319,15 +319,15 @@ def test_a_memory_that_repeats_does_no_harm():
 
 def test_an_orbit_among_others_is_said_not_to_be_isolated():
     stuck = System({x: u, u: sp.sin(t) / 2 - x - sp.sign(u)}, time=t)
-    orbit = find_orbit(stuck, {x: 0.2, u: 0}, period=T)
+    orbit = find_orbit(stuck, {x: 0.2, u: 0}, seen=Strobe(T))
     assert orbit.success and not orbit.isolated and not orbit.stable
     assert (
         orbit.x == pytest.approx([0.2, 0]) and "not isolated" in orbit.message and "not isolated" in repr(orbit)
     )
     # x'' + x = cos 2t: every orbit of period 2 pi closes.
-    free = find_orbit(System({x: u, u: sp.cos(2 * t) - x}, time=t), {x: 0.4, u: 0}, period=T)
+    free = find_orbit(System({x: u, u: sp.cos(2 * t) - x}, time=t), {x: 0.4, u: 0}, seen=Strobe(T))
     assert free.success and not free.isolated and "not isolated" in free.message
-    centre = find_orbit(System({x: u, u: sp.cos(t) - 2 * x}, time=t), {x: 0.4, u: 0}, period=T)
+    centre = find_orbit(System({x: u, u: sp.cos(t) - 2 * x}, time=t), {x: 0.4, u: 0}, seen=Strobe(T))
     assert centre.isolated and not centre.stable and "neutral" in repr(centre)
     assert den_hartog(2.0, 0.1).isolated
 
@@ -337,31 +337,32 @@ def test_what_is_not_found_is_said_and_raises_nothing():
     orbit = refine(Stroboscopic(blows_up, 4.0), {x: 0})
     assert not orbit.success and "did not return" in orbit.message
     drifts = System({x: 1 + 0 * x}, time=t)
-    orbit = find_orbit(drifts, {x: 0}, period=1)
+    orbit = find_orbit(drifts, {x: 0}, seen=Strobe(1))
     assert not orbit.success and "transient" in orbit.message
-    never = find_orbit(relay(0.1), {x: 1, u: 1}, section=u - 1e6)
+    never = find_orbit(relay(0.1), {x: 1, u: 1}, seen=Return(u - 1e6))
     assert not never.success and "no return" in never.message
 
 
 @pytest.mark.parametrize(
-    ("options", "text"),
+    ("seen", "text"),
     [
-        (dict(), "neither `period` nor `section` is given"),
-        (dict(period=1, section=v), "are both given"),
-        (dict(period=-1), "`period` is -1"),
-        (dict(period=T, symmetry={y: -y, v: v}), "does not have it"),
-        (dict(period=T, symmetry={y: -(y**2)}), "linear expressions"),
-        (dict(period=2 * sp.pi / sp.Symbol("nu")), "nu is no parameter"),
-        (dict(section=v), "depends on time"),
+        (lambda: T, "`seen` is 2"),
+        (lambda: Strobe(-1), "`period` is -1"),
+        (lambda: Return(v, direction=0), "`direction` of Return is 0"),
+        (lambda: Return(v, longest=0), "`longest` of Return is 0"),
+        (lambda: Strobe(T, symmetry={y: -y, v: v}), "does not have it"),
+        (lambda: Strobe(T, symmetry={y: -(y**2)}), "linear expressions"),
+        (lambda: Strobe(2 * sp.pi / sp.Symbol("nu")), "nu is no parameter"),
+        (lambda: Return(v), "depends on time"),
     ],
 )
-def test_bad_input_is_refused_with_a_remedy(options, text):
-    with pytest.raises(ValueError, match=text):
-        find_orbit(coulomb(), {y: 0.5, v: 0.3}, **options)
+def test_bad_input_is_refused_with_a_remedy(seen, text):
+    with pytest.raises((ValueError, TypeError), match=text):
+        find_orbit(coulomb(), {y: 0.5, v: 0.3}, seen())
 
 
 def test_parameters_of_the_orbit_travel_with_it():
-    orbit = find_orbit(coulomb(sigma=2.0), {y: 0.5, v: 0.3}, period=T, symmetry=MIRROR)
+    orbit = find_orbit(coulomb(sigma=2.0), {y: 0.5, v: 0.3}, seen=Strobe(T, symmetry=MIRROR))
     assert orbit.system.parameters[sigma] == 2.0
     assert orbit.map.with_parameters({k: 3.0}).system.parameters[k] == 3.0
 
@@ -394,14 +395,14 @@ def test_a_spiral_into_a_rest_is_no_orbit(power, transient, size):
     # The energy falls strictly: by a part that vanishes with the amplitude, as a power of it.
     loss = u / 10 if power == 1 else (u / unit) ** (power - 1) * u
     spiral = System({x: u, u: -x - loss}, parameters={} if power == 1 else {unit: size})
-    orbit = find_orbit(spiral, {x: size, u: 0}, section=u, direction=-1, transient=transient)
+    orbit = find_orbit(spiral, {x: size, u: 0}, seen=Return(u, direction=-1), transient=transient)
     assert not orbit.success and not orbit.stable
     assert "rest" in orbit.message
 
 
 def test_a_transient_that_ends_in_a_rest_says_so():
     spiral = System({x: u, u: 1 - x - u / 5})
-    orbit = find_orbit(spiral, {x: 2, u: 0}, section=u, direction=-1, transient=100)
+    orbit = find_orbit(spiral, {x: 2, u: 0}, seen=Return(u, direction=-1), transient=100)
     assert not orbit.success and "comes to rest" in orbit.message and orbit.x == pytest.approx([1, 0])
 
 
@@ -410,30 +411,32 @@ def test_relays_whose_turns_shrink_by_a_part_that_vanishes_have_no_orbit(size):
     # The return map is x/(1 + 4 x/unit): 1/x grows by the same with each turn.
     relays = System({x: -x - unit * sp.sign(u), u: -u + unit * sp.sign(x)}, parameters={unit: size})
     for transient in (0, 20):
-        orbit = find_orbit(relays, {x: size, u: 0}, section=u, transient=transient)
+        orbit = find_orbit(relays, {x: size, u: 0}, seen=Return(u), transient=transient)
         assert not orbit.success and "rest" in orbit.message
 
 
 @pytest.mark.parametrize("section", [sp.sin(x), sp.cos(x) - sp.Rational(1, 2), sp.sin(x / 2)])
 def test_a_state_that_runs_on_is_an_orbit_where_it_is_named_an_angle(section):
     rates = {x: u, u: sp.Rational(3, 2) - sp.sin(x) - u / 5 - sp.sign(u) / 10}
-    orbit = find_orbit(System(rates), {x: 0, u: 5}, section=section, transient=30)
+    orbit = find_orbit(System(rates), {x: 0, u: 5}, seen=Return(section), transient=30)
     assert not orbit.success and "x runs on, by " in orbit.message
     turns = 2 if section == sp.sin(x / 2) else 1
     orbit = find_orbit(
-        System(rates), {x: 0, u: 5}, section=section, transient=10, angles={x: turns * 2 * math.pi}
+        System(rates), {x: 0, u: 5}, seen=Return(section), transient=10, angles={x: turns * 2 * math.pi}
     )
     assert orbit.success and orbit.stable and orbit.winding == {"x": 1}
     assert orbit.period == pytest.approx(turns * 0.897785, abs=turns * 1e-5)  # a plain run's, of one turn
     if turns == 2:
         with pytest.raises(ValueError, match="the section .* is another one after it"):
-            find_orbit(System(rates), {x: 0, u: 5}, section=section, angles={x: 2 * math.pi})
+            find_orbit(System(rates), {x: 0, u: 5}, seen=Return(section), angles={x: 2 * math.pi})
 
 
 def test_a_driven_rotation_has_its_winding_number():
     # x'' + x'/5 + sin x = 3 cos(t)/2 + 9/10 turns on in step with its drive from this start.
     rates = {x: u, u: sp.Rational(9, 10) + sp.cos(t) / 2 - sp.sin(x) / 2 - 9 * u / 10}
-    orbit = find_orbit(System(rates, time=t), {x: 0, u: 1}, period=T, transient=60, angles={x: 2 * math.pi})
+    orbit = find_orbit(
+        System(rates, time=t), {x: 0, u: 1}, seen=Strobe(T), transient=60, angles={x: 2 * math.pi}
+    )
     run = orbit.solution()
     assert orbit.success and orbit.winding == {"x": round(run.x[0, -1] - run.x[0, 0]) // 6}
     assert run.x[0, -1] - run.x[0, 0] == pytest.approx(2 * math.pi * orbit.winding["x"], abs=1e-8)
@@ -453,27 +456,27 @@ def test_a_relay_loop_has_the_period_of_its_closed_form_in_any_unit(size):
     w = sp.Symbol("w", real=True)
     relay_loop = System({x: -x - unit * sp.sign(w), u: -u + x, w: -w + u}, parameters={unit: size})
     start = {x: 0.3 * size, u: 0.1 * size, w: 0.0}
-    orbit = find_orbit(relay_loop, start, section=w, direction=1, transient=3)
+    orbit = find_orbit(relay_loop, start, seen=Return(w, direction=1), transient=3)
     assert orbit.success and orbit.stable
     assert orbit.period == pytest.approx(2 * brentq(off, 1, 3, xtol=1e-13), rel=1e-10)
 
 
 def test_a_slow_motion_is_waited_for_as_its_steps_count_the_time():
     slow = System({x: u / 10**8, u: ((1 - x**2) * u - x) / 10**8})
-    orbit = find_orbit(slow, {x: 1, u: 0}, section=u, direction=-1, transient=3)
+    orbit = find_orbit(slow, {x: 1, u: 0}, seen=Return(u, direction=-1), transient=3)
     assert orbit.success and orbit.period == pytest.approx(6.66328686e8, rel=1e-8)  # DOP853, see above
 
 
 def test_a_population_far_below_the_usual_tolerance_is_followed_exactly():
     # Lotka and Volterra: x exp(-x) y exp(-y) stays; the least x on the way, by that invariant, is 2.3e-14.
     populations = System({x: x * (1 - u), u: u * (x - 1)})
-    orbit = find_orbit(populations, {x: 1, u: 35.0}, section=x - 1, direction=-1)
+    orbit = find_orbit(populations, {x: 1, u: 35.0}, seen=Return(x - 1, direction=-1))
     assert orbit.success
     run = orbit.solution(rtol=1e-12)
     kept = np.log(run.x[0]) - run.x[0] + np.log(run.x[1]) - run.x[1]
     assert run.x[0].min() < 1e-12 and np.ptp(kept) < 1e-9
     with pytest.warns(UserWarning, match="`atol` is 1e-14, and [xu] falls to"):
-        find_orbit(populations, {x: 1, u: 30.0}, section=x - 1, direction=-1, atol=1e-14)
+        find_orbit(populations, {x: 1, u: 30.0}, seen=Return(x - 1, direction=-1), atol=1e-14)
 
 
 # ---- two surfaces at one instant
@@ -499,7 +502,7 @@ def rooms(coupling):
 def test_rooms_in_step_have_the_multiplier_of_their_lag(coupling):
     from pwsmooth import solve
 
-    orbit = find_orbit(rooms(coupling), {x: 19.9, u: 19.9}, section=x - 20)
+    orbit = find_orbit(rooms(coupling), {x: 19.9, u: 19.9}, seen=Return(x - 20))
     run = solve(rooms(coupling), (0, 40), {x: 19.9, u: 19.9 + 1e-4})
     lags = run.event_times(switch="x1")[:15] - run.event_times(switch="u1")[:15]
     growth = (lags[12] / lags[2]) ** 0.1
@@ -512,7 +515,7 @@ def test_an_orbit_through_a_corner_of_the_map_is_not_called_stable():
     w = sp.Symbol("w", real=True)
     first = sp.Heaviside(x) * (1 - sp.Heaviside(u))
     both = System({x: sp.cos(t) - x / 5, u: sp.cos(t) - u / 5, w: first - w}, time=t)
-    orbit = find_orbit(both, {x: 0, u: 0, w: 0}, period=T, transient=20, phase=0.3)
+    orbit = find_orbit(both, {x: 0, u: 0, w: 0}, seen=Strobe(T, phase=0.3), transient=20)
     assert orbit.success and not orbit.stable and orbit.corner
 
 
@@ -528,9 +531,9 @@ def test_a_rod_in_cartesian_coordinates_has_the_multipliers_of_its_angle_and_two
     rod = System(
         {x: u, y: w, u: pull[x] - tension * x, w: pull[y] - tension * y}, time=t, parameters={unit: size}
     )
-    orbit = find_orbit(rod, {x: 0, y: -size, u: 0, w: 0}, period=T, transient=40)
+    orbit = find_orbit(rod, {x: 0, y: -size, u: 0, w: 0}, seen=Strobe(T), transient=40)
     angle = System({q: u, u: -sp.sin(q) - 3 * u / 10 + sp.cos(t) / 2}, time=t)
-    plain = find_orbit(angle, {q: 0, u: 0}, period=T, transient=40)
+    plain = find_orbit(angle, {q: 0, u: 0}, seen=Strobe(T), transient=40)
     assert orbit.success and orbit.stable and len(orbit.integrals) == 2 and "keeps 2" in orbit.message
     mu = orbit.multipliers
     assert (np.sort(np.abs(mu))[-2:] == 1).all()
@@ -540,7 +543,7 @@ def test_a_rod_in_cartesian_coordinates_has_the_multipliers_of_its_angle_and_two
 def test_a_slider_that_never_slips_has_a_multiplier_of_one_that_stability_leaves_out():
     y, w = sp.symbols("y w", real=True)
     slider = System({x: u, u: sp.cos(t) / 5 - x - u / 5 - y, y: 0 * y}, time=t)
-    orbit = find_orbit(slider, {x: 0, u: 0, y: 0.1}, period=T, transient=40)
+    orbit = find_orbit(slider, {x: 0, u: 0, y: 0.1}, seen=Strobe(T), transient=40)
     assert orbit.success and orbit.stable and not orbit.isolated and abs(orbit.multipliers[0]) == 1
-    kept = find_orbit(System({x: u, u: sp.cos(2 * t) - x}, time=t), {x: 0.4, u: 0}, period=T)
+    kept = find_orbit(System({x: u, u: sp.cos(2 * t) - x}, time=t), {x: 0.4, u: 0}, seen=Strobe(T))
     assert len(kept.integrals) == 2 and not kept.stable  # nothing is left that would die down

@@ -3,7 +3,7 @@
 Each family is one model whose units of length L and of time W are parameters: x' = v/W, v' = L f(x/L, v/L, t/W)/W. So
 nothing of the exact motion depends on them but its size. Values are random, the seeds are fixed.
 
-Guards: analysis/orbits/, analysis/maps/scales.py, sweep/attractors.py, sweep/kinds.py.
+Guards: analysis/orbits/, analysis/maps/scales.py, studies/attractors.py, studies/kinds.py.
 """
 
 import functools
@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import System, Unilateral, basins, find_orbit
+from pwsmooth import Return, Strobe, System, Unilateral, basins, find_orbit
 
 UNITS = [(1e-6, 1.0), (1e6, 1.0), (1.0, 1e-6), (1.0, 1e6), (1e-6, 1e6)]
 SEEDS = range(8)
@@ -89,10 +89,10 @@ def found(family, seed, *, length=1.0, time=1.0, later=0.0, start=None, transien
     begin = {s: value * length for s, value in zip(states, begin)}
     if section is None:
         orbit = find_orbit(
-            system, begin, period=2 * sp.pi * W, phase=later / (2 * np.pi * time), transient=transient
+            system, begin, seen=Strobe(2 * sp.pi * W, phase=later / (2 * np.pi * time)), transient=transient
         )
     else:
-        orbit = find_orbit(system, begin, section=section, transient=transient)
+        orbit = find_orbit(system, begin, seen=Return(section), transient=transient)
     order = [list(system.states).index(s) for s in states]
     return orbit, orbit.x[order] / length, orbit.period / time
 
@@ -139,7 +139,7 @@ def test_basins_are_the_same_in_other_units_and_names(seed):
         given = values_of("dry friction", seed) | {L: length, W: time, t0: 0.0}
         system = system.with_parameters({p: value for p, value in given.items() if p in system.parameters})
         grid = {x: starts[0] * length, v: starts[1] * length}
-        grids.append(basins(system, grid, 2 * sp.pi * W, transient=60))
+        grids.append(basins(system, grid, Strobe(2 * sp.pi * W), transient=60))
         first = grids[0], 1.0
         assert grids[-1].kinds.tolist() == grids[0].kinds.tolist()
         ends, others = (

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Switch, System, Unilateral, sliding_portrait
+from pwsmooth import Switch, System, Unilateral
+from pwsmooth.analysis.global_objects import sliding_portrait
 from pwsmooth.analysis.global_objects.portrait import REGIONS
 
 t, x, y, z, v = sp.symbols("t x y z v", real=True)
@@ -130,7 +131,7 @@ def test_pseudo_equilibria_are_those_of_the_sliding_flow():
     held = System({x: lam - x + sp.Rational(1, 4), y: -x, z: y - lam})
     found = sliding_portrait(held, lam, {x: (-1, 1), y: (-0.9, 0.9)})
     (e,) = found.equilibria
-    assert [e.start[name] for name in ("x", "y")] == pytest.approx([0, -0.25], abs=1e-12)
+    assert [e.x0[name] for name in ("x", "y")] == pytest.approx([0, -0.25], abs=1e-12)
     assert e.stable
 
 

@@ -9,7 +9,8 @@ import sympy as sp
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from pwsmooth import System, find_orbit, follow
+from pwsmooth import Strobe, System, find_orbit, follow
+from pwsmooth.analysis.continuation import Steps
 
 t, x, v = sp.symbols("t x v", real=True)
 F = sp.Symbol("F", positive=True)
@@ -78,8 +79,8 @@ class Oscillator:
 def test_every_name_on_a_branch_is_that_of_an_independent_shooting(seed):
     case = Oscillator(seed)
     low, high = 0.8 * case.touch, 4 * case.touch
-    orbit = find_orbit(case.system.with_parameters({F: low}), {x: 0, v: 0}, period=2 * sp.pi, phase=0.1)
-    branch = follow(orbit, F, to=high, step=0.05)
+    orbit = find_orbit(case.system.with_parameters({F: low}), {x: 0, v: 0}, seen=Strobe(2 * sp.pi, phase=0.1))
+    branch = follow(orbit, {F: high}, steps=Steps(first=0.05))
     for found in branch.bifurcations:
         one = found.orbit
         image, D, highest = case.period(one.x, found.parameter, one.map.start_time)

@@ -8,8 +8,8 @@ import pytest
 import sympy as sp
 from friction_oscillator import coulomb, hidden, v, y, z
 
-from pwsmooth import Event, System, Unilateral
-from pwsmooth.analysis.continuation.branches import branch_off, follow
+from pwsmooth import Event, Return, Strobe, System, Unilateral
+from pwsmooth.analysis.continuation import branch_off, follow
 from pwsmooth.analysis.maps.multipliers import cyclic_multipliers, within_roundings
 from pwsmooth.analysis.maps.segments import Shooting, cut
 from pwsmooth.analysis.orbits.finding import find_orbit
@@ -21,7 +21,7 @@ from tests.reference.rest import rest_limit
 t, x, u, w = sp.symbols("t x u w", real=True)
 a, k = sp.symbols("a k", real=True)
 MIRROR = {y: -y, v: -v}
-FORCED = dict(period=2 * sp.pi)
+FORCED = Strobe(2 * sp.pi)
 
 
 def companion(rates, update=None, **options):
@@ -68,7 +68,7 @@ def test_what_a_stick_takes_away_is_a_multiplier_of_zero():
 def test_both_multipliers_of_a_saddle_are_known(rate):
     # x'' = k^2 x + cos t has the orbit -cos t/(1 + k^2), with the multipliers exp(+-2 pi k).
     saddle = System({x: u, u: k**2 * x + sp.cos(t)}, time=t, parameters={k: rate})
-    orbit = find_orbit(saddle, {x: -0.3, u: 0}, **FORCED)
+    orbit = find_orbit(saddle, {x: -0.3, u: 0}, FORCED)
     assert orbit.success and orbit.x == pytest.approx([-1 / (1 + rate**2), 0], abs=10 * TOLERANCE)
     exact = np.exp([2 * math.pi * rate, -2 * math.pi * rate])
     assert orbit.multipliers.real == pytest.approx(exact, rel=1e-9, abs=0)
@@ -92,9 +92,9 @@ def wall(restitution):
 
 SAME = {
     "stick, hidden term": (hidden(), {y: 0.5, v: 0.3, z: 0}, FORCED),
-    "half period": (coulomb(sigma=1.4), {y: 0.5, v: 0.3}, FORCED | dict(symmetry=MIRROR)),
-    "complete chatter": (wall(0.5), {x: 0.5, u: 0}, FORCED | dict(phase=0.3)),
-    "return map": (System({x: u, u: u / 5 - x - sp.sign(u)}), {x: 6.3, u: 0.1}, dict(section=u, direction=-1)),
+    "half period": (coulomb(sigma=1.4), {y: 0.5, v: 0.3}, Strobe(2 * sp.pi, symmetry=MIRROR)),
+    "complete chatter": (wall(0.5), {x: 0.5, u: 0}, Strobe(2 * sp.pi, phase=0.3)),
+    "return map": (System({x: u, u: u / 5 - x - sp.sign(u)}), {x: 6.3, u: 0.1}, Return(u, direction=-1)),
     "smoothed": (hidden().smoothed(1e-3), {y: 0.5, v: 0.3, z: 0}, FORCED),
 }  # fmt: skip
 
@@ -102,8 +102,8 @@ SAME = {
 @pytest.mark.parametrize("name", SAME)
 def test_segments_change_nothing(name):
     system, start, how = SAME[name]
-    one = find_orbit(system, start, **how, transient=0 if name == "return map" else 30)
-    cut = find_orbit(system, 1.001 * one.x, **how, segments=5)
+    one = find_orbit(system, start, how, transient=0 if name == "return map" else 30)
+    cut = find_orbit(system, 1.001 * one.x, how, segments=5)
     assert one.success and cut.success and len(cut.segments) == 5
     assert cut.word == one.word and cut.period == pytest.approx(one.period, rel=1e-10)
     # Smoothed views are solved to 1e-10.
@@ -120,8 +120,8 @@ def test_a_canard_is_followed_around_its_end():
 
     One piece ends at sigma = 3.2458, where its multiplier has grown to 1e4.
     """
-    orbit = find_orbit(hidden(), {y: 0.5, v: 0.3, z: 0}, **FORCED, transient=30)
-    branch = follow(orbit, "sigma", to=4)
+    orbit = find_orbit(hidden(), {y: 0.5, v: 0.3, z: 0}, FORCED, transient=30)
+    branch = follow(orbit, {"sigma": 4})
     assert branch.end == "reached sigma = 2.4." and [b.kind for b in branch.bifurcations] == ["fold"]
     largest = max(branch.orbits, key=lambda one: abs(one.multipliers[0]))
     assert abs(largest.multipliers[0]) > 1e6 and largest.segments.held
@@ -139,9 +139,9 @@ def test_rest_ends_in_a_fold_and_goes_over_to_slips_through_its_canard(drive):
     fold, is no jump: what comes to the end of the layer slips and is back at once.
     """
     orbit = find_orbit(
-        hidden(omega=drive, sigma=0.6), {y: 0, v: 0, z: 0.9}, period=2 * sp.pi / drive, symmetry=MIRROR
+        hidden(omega=drive, sigma=0.6), {y: 0, v: 0, z: 0.9}, seen=Strobe(2 * sp.pi / drive, symmetry=MIRROR)
     )
-    branch = follow(orbit, "sigma", to=3)
+    branch = follow(orbit, {"sigma": 3})
     first, second = branch.bifurcations[:2]
     assert branch.end == "reached sigma = 3." and (first.kind, second.kind) == ("fold", "adding-sliding")
     assert first.parameter == pytest.approx(rest_limit(0.1 * drive, 1.8, 1.95), abs=2e-8)
@@ -160,16 +160,16 @@ def test_a_multiplier_of_minus_one_keeps_its_digits_where_another_state_answers_
 
 def test_bifurcations_are_found_beside_a_multiplier_of_1e8():
     logistic = companion({x: 0 * x}, {x: a * x * (1 - x)}, parameters={a: 2.8})
-    branch = follow(find_orbit(logistic, {x: 0.6, w: 0.03}, period=1, phase=0.5), a, to=3.3)
+    branch = follow(find_orbit(logistic, {x: 0.6, w: 0.03}, seen=Strobe(1, phase=0.5)), {a: 3.3})
     (flip,) = branch.bifurcations
     assert flip.kind == "flip" and flip.parameter == pytest.approx(3, abs=1e-9)
     assert abs(flip.orbit.multipliers[0]) == pytest.approx(math.exp(20), rel=1e-9)
     double = branch_off(flip, 0.02)
     assert double.success and double.map.count == 2
-    (second,) = follow(double, a, to=3.5).bifurcations
+    (second,) = follow(double, {a: 3.5}).bifurcations
     assert second.kind == "flip" and second.parameter == pytest.approx(1 + math.sqrt(6), abs=1e-9)
     # And back: it ends where it began.
-    back = follow(double, a, to=2.9)
+    back = follow(double, {a: 2.9})
     assert "shrink onto one of 1" in back.end and back.bifurcations[-1].parameter == pytest.approx(3, abs=1e-9)
 
 
@@ -180,7 +180,7 @@ def test_the_symmetry_breaks_beside_a_multiplier_of_1e54_as_without_it():
         (System(rates, time=t, parameters={a: 1.5}), {x: 1, u: 0}, {x: -x, u: -u}),
         (companion(rates, parameters={a: 1.5}), {x: 1, u: 0, w: 0.05}, {x: -x, u: -u, w: -w}),
     ):
-        branch = follow(find_orbit(system, start, **FORCED, symmetry=mirror), a, to=3)
+        branch = follow(find_orbit(system, start, Strobe(2 * sp.pi, symmetry=mirror)), {a: 3})
         (breaking,) = branch.of_kind("symmetry breaking")
         lopsided = branch_off(breaking, 0.02)
         assert lopsided.success and not lopsided.symmetric
@@ -193,9 +193,9 @@ def test_the_symmetry_breaks_beside_a_multiplier_of_1e54_as_without_it():
 
 def test_any_orbit_of_a_branch_is_followed_over_another_parameter():
     saddle = System({x: u, u: k**2 * x + a * sp.cos(t)}, time=t, parameters={k: 1, a: 1})
-    branch = follow(find_orbit(saddle, {x: -0.5, u: 0}, **FORCED), k, to=5)
+    branch = follow(find_orbit(saddle, {x: -0.5, u: 0}, FORCED), {k: 5})
     middle = branch.orbits[len(branch.orbits) // 2]
-    onward = follow(middle, a, to=3)
+    onward = follow(middle, {a: 3})
     rate = middle.system.parameters[k]
     assert onward.end == "reached a = 3." and rate not in (1, 5)
     assert onward.x[0] == pytest.approx(-onward.values / (1 + rate**2), abs=100 * TOLERANCE)
@@ -205,7 +205,7 @@ def test_a_cycle_of_an_autonomous_system_is_followed_on_its_section():
     # r' = k r (r^2 - 1): the cycle r = 1 has the multiplier exp(4 pi k).
     square = x**2 + u**2 - 1
     system = System({x: k * x * square - u, u: k * u * square + x}, parameters={k: 0.2})
-    branch = follow(find_orbit(system, {x: 1.0, u: 0}, section=u), k, to=4)
+    branch = follow(find_orbit(system, {x: 1.0, u: 0}, seen=Return(u)), {k: 4})
     assert branch.end == "reached k = 4." and len(branch.orbits[-1].segments) > 3
     exact = np.exp(4 * math.pi * branch.values)
     assert [one.multipliers[0].real for one in branch.orbits] == pytest.approx(exact, rel=1e-9)
@@ -217,8 +217,8 @@ def test_turns_of_a_pendulum_are_the_same_however_many_it_has_made():
     pendulum = System({x: u, u: k**2 * sp.sin(x) - u / 10 + sp.cos(t)}, time=t, parameters={k: 4})
     branches = []
     for turned in (0, 200 * math.pi):
-        orbit = find_orbit(pendulum, {x: turned - 0.06, u: 0}, **FORCED)
-        branches.append(follow(orbit, k, to=6))
+        orbit = find_orbit(pendulum, {x: turned - 0.06, u: 0}, FORCED)
+        branches.append(follow(orbit, {k: 6}))
     one, other = branches
     assert other.end == "reached k = 6." and len(one.values) == len(other.values)
     assert other.x[0] - 200 * math.pi == pytest.approx(one.x[0], abs=TOLERANCE * 200 * math.pi)
@@ -230,14 +230,14 @@ def test_turns_of_a_pendulum_are_the_same_however_many_it_has_made():
 
 def test_bad_numbers_of_segments_are_refused():
     with pytest.raises(ValueError, match="`segments`"):
-        find_orbit(coulomb(), {y: 0.5, v: 0.3}, **FORCED, segments=0)
+        find_orbit(coulomb(), {y: 0.5, v: 0.3}, FORCED, segments=0)
 
 
 @pytest.mark.parametrize("rate", [2.6, 2.8, 3.0, 3.2, 3.4, 3.6])
 def test_segments_that_are_cut_anew_do_not_begin_where_an_event_has_come_near(rate):
     # x' = rate x + cos t, and a kink where x passes 0: an old segment begins 1e-9 of the period behind that.
     kinked = System({x: rate * x + sp.cos(t) + sp.Abs(x) / 10}, time=t)
-    orbit = find_orbit(kinked, {x: 0}, **FORCED)
+    orbit = find_orbit(kinked, {x: 0}, FORCED)
     times = [e.time / orbit.period for one in orbit.runs() for e in one.events if e.kind == "crossing"]
     assert times
     for at in times:

@@ -11,7 +11,7 @@ import sympy as sp
 from friction_oscillator import coulomb, hidden, v, y, z
 
 from pwsmooth import Algebraic, Event, Family, Memory, Switch, System, Unilateral, solve
-from pwsmooth.analysis.maps.variations import variations
+from pwsmooth.analysis.maps.first_order import variations
 
 T = 2 * math.pi
 TIGHT = dict(rtol=1e-12, atol=1e-14)

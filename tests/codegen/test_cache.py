@@ -290,8 +290,8 @@ BESIDE_NUMBA = """
 import sys
 import numpy as np, sympy as sp
 from pwsmooth import Switch, System, solve
-from pwsmooth.compare.work_precision.plain import plain
-from pwsmooth.compare.work_precision.timestepping import stepper
+from pwsmooth.compare.efficiency.plain import plain
+from pwsmooth.compare.efficiency.timestepping import stepper
 
 x, v = sp.symbols("x v", real=True)
 system = System({x: v, v: -x - Switch("lam", v)})

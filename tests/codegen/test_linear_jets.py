@@ -12,7 +12,7 @@ import pytest
 import sympy as sp
 from reference.coulomb_oscillator import trajectory
 
-from pwsmooth import Switch, System, solve, sweep
+from pwsmooth import Strobe, Switch, System, solve, sweep
 from pwsmooth.codegen import compile_model
 
 t, x, y, v, lam = sp.symbols("t x y v lam", real=True)
@@ -159,8 +159,8 @@ def test_parameters_that_change_from_orbit_to_orbit_have_their_own_responses():
     system = oscillator.coulomb()
     points = {"k": [1.6, 3.1, 1.6, 3.1, 1.6], "sigma": [1.2, 1.2, 2.4, 2.4, 1.2]}
     start = {y: 0.5, v: 0.3}
-    options = dict(period=2 * sp.pi, transient=0, periods=5, measures=["points"], progress=False)
-    grid = sweep(system, points=points, start=start, **options)
+    options = dict(seen=Strobe(2 * sp.pi), transient=0, periods=5, measures=["points"])
+    grid = sweep(system, points=points, x0=start, **options)
     found = grid.v_points.values
     assert np.array_equal(found[0], found[4])
     for i, (stiffness, drive) in enumerate(((1.6, 1.2), (3.1, 1.2), (1.6, 2.4), (3.1, 2.4))):

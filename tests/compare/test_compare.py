@@ -1,6 +1,6 @@
 """Work against precision: references of two paths, baselines, and points that are judged rightly.
 
-Guards: compare/work_precision/.
+Guards: compare/efficiency/.
 """
 
 import math
@@ -12,17 +12,18 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Event, Memory, System, Unilateral
-from pwsmooth.compare.work_precision.case import case_of
-from pwsmooth.compare.work_precision.cases import CASES
-from pwsmooth.compare.work_precision.charts import best_width, envelope, plot_orders, plot_work
-from pwsmooth.compare.work_precision.measuring import work_precision
-from pwsmooth.compare.work_precision.methods import METHODS, CannotDo, Method, Run
-from pwsmooth.compare.work_precision.own import inside_layers
-from pwsmooth.compare.work_precision.plain import elimination, plain
-from pwsmooth.compare.work_precision.points import Point, WorkPrecision
-from pwsmooth.compare.work_precision.restarting import restarted
-from pwsmooth.compare.work_precision.rivals import statuses
-from pwsmooth.compare.work_precision.timestepping import bouncing, stepper
+from pwsmooth.compare.efficiency.case import case_of
+from pwsmooth.compare.efficiency.cases import CASES
+from pwsmooth.compare.efficiency.charts import best_width, envelope, plot_orders, plot_work
+from pwsmooth.compare.efficiency.contract import CannotDo, Run
+from pwsmooth.compare.efficiency.measuring import work_precision
+from pwsmooth.compare.efficiency.methods import METHODS, Method
+from pwsmooth.compare.efficiency.own import inside_layers
+from pwsmooth.compare.efficiency.plain import elimination, plain
+from pwsmooth.compare.efficiency.points import Point, WorkPrecision
+from pwsmooth.compare.efficiency.restarting import restarted
+from pwsmooth.compare.efficiency.rivals import statuses
+from pwsmooth.compare.efficiency.timestepping import bouncing, stepper
 from pwsmooth.scenes import Scene
 
 x, v, t = sp.symbols("x v t", real=True)
@@ -37,7 +38,7 @@ def test_two_paths_without_common_code_agree(name):
 def test_the_restarted_integration_bounces_without_a_reaction_in_flight():
     case = CASES["ball"]
     x, log, _ = restarted(
-        plain(case.system), (0, 3.0), np.array(case.start), rtol=1e-10, atol=1e-12, max_step=0.05
+        plain(case.system), (0, 3.0), np.array(case.x0), rtol=1e-10, atol=1e-12, max_step=0.05
     )
     assert [kind for _, kind in log] == 6 * ["impact"]
     assert x == pytest.approx(case.exact(3.0), abs=1e-9)
@@ -51,7 +52,7 @@ def slope(run, x0, end, exact, sizes, last):
 def test_time_stepping_through_sticks_and_crossings_is_at_least_of_first_order():
     case = CASES["sticking"]
     measured = slope(
-        stepper(plain(case.system)), case.start, case.t_end, case.reference.states[-1], (500, 2000, 8000), 0.5
+        stepper(plain(case.system)), case.x0, case.t_end, case.reference.states[-1], (500, 2000, 8000), 0.5
     )
     assert measured > 0.8  # second order between events, first through them: irregular in between
 
@@ -59,13 +60,13 @@ def test_time_stepping_through_sticks_and_crossings_is_at_least_of_first_order()
 def test_time_stepping_of_impacts_is_of_first_order():
     case = CASES["ball"]
     run = bouncing(plain(case.system))
-    measured = slope(run, case.start, 3.0, case.exact(3.0), (4000, 16000, 64000), 0.8)
+    measured = slope(run, case.x0, 3.0, case.exact(3.0), (4000, 16000, 64000), 0.8)
     assert measured == pytest.approx(1, abs=0.5)
 
 
 def test_an_implicit_relay_slides_exactly():
     case = CASES["relay"]
-    x, lam, _ = stepper(plain(case.system))(0.0, 4.0, np.array(case.start), 1000, 0.5)
+    x, lam, _ = stepper(plain(case.system))(0.0, 4.0, np.array(case.x0), 1000, 0.5)
     start = case.reference.times[0]
     stuck = np.linspace(0, 4, 1001) > start + 0.01
     assert np.max(np.abs(x[stuck].sum(axis=1))) < 1e-12 and np.all(np.abs(lam[stuck]) < 1)

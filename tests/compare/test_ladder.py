@@ -119,7 +119,7 @@ def test_coulombs_distance_from_stiffening_bristles_vanishes_as_the_root_of_thei
     turn = 2 * math.pi / 20
 
     def build(law):
-        return friction_oscillator(law, k=1000.0, c=0.0, amplitude=5.0, omega=20.0, start=(0.0, 0.0),
+        return friction_oscillator(law, k=1000.0, c=0.0, amplitude=5.0, omega=20.0, x0=(0.0, 0.0),
                                    t_span=(0, 40 * turn))  # fmt: skip
 
     def distance(stiffness):

@@ -25,7 +25,7 @@ from pwsmooth.costs import (
 from pwsmooth.costs import objective as objectives
 from pwsmooth.paths.derivatives.of_solution import NoDerivative
 from pwsmooth.paths.event_driven import EventDriven
-from pwsmooth.sweep import Cost
+from pwsmooth.studies import Cost
 
 t, x, y, v, w, z = sp.symbols("t x y v w z", real=True)
 e, g, rho, beta, sigma, omega = sp.symbols("e g rho beta sigma omega", positive=True)
@@ -111,7 +111,7 @@ def test_every_quantity_of_a_bouncing_ball(cost):
 def test_closed_forms_of_the_ball():
     fall = np.sqrt(2 * 50 / 9.8)
     value, gradient = value_and_gradient(
-        BALL, event_time("R", number=1), (0, 9), {x: 50, w: 0}, with_respect_to=["x", g, e], **TIGHT
+        BALL, event_time("R", number=1), (0, 9), {x: 50, w: 0}, by=["x", g, e], **TIGHT
     )
     assert value == pytest.approx(2.6 * fall, rel=1e-13)
     assert gradient == pytest.approx([2.6 * fall / 100, -2.6 * fall / 19.6, 2 * fall], rel=1e-12)
@@ -163,7 +163,7 @@ def test_a_run_in_parts_gives_what_the_whole_one_gives(monkeypatch):
     assert np.abs(found.gradient - gradient).max() <= 1e-11 * np.linalg.norm(gradient)
     ambiguous = System({x: sp.cos(t), w: sp.sign(x + 1)}, time=t)  # touches its surface every period
     with pytest.raises(NoDerivative, match=r"t = 4\.71"):
-        value_and_gradient(ambiguous, final(w), (0, 900), {x: 0, w: 0}, with_respect_to=["x"])
+        value_and_gradient(ambiguous, final(w), (0, 900), {x: 0, w: 0}, by=["x"])
 
 
 def test_a_sweep_measures_costs():
@@ -174,7 +174,7 @@ def test_a_sweep_measures_costs():
     system = objective._system
     measures = [Cost("J", cost), "extremes(y)"]
     found = sweep(
-        system, {"sigma": [3.1, 3.2]}, start={"y": 0.5, "v": 0.3, "z": 0} | dict.fromkeys(system.states[3:], 0.0),
+        system, {"sigma": [3.1, 3.2]}, x0={"y": 0.5, "v": 0.3, "z": 0} | dict.fromkeys(system.states[3:], 0.0),
         t_span=(0, 12), measures=measures, **TIGHT,
     )  # fmt: skip
     start = objective.start
@@ -195,7 +195,7 @@ def test_a_memory_is_named_by_itself_or_as_a_state():
     m = Memory("m", 0.2)
     system = System({x: -x + m}, events=[Event(at=[1], update={m: m + x})])
     gradients = [
-        value_and_gradient(system, final(x) * final(of), (0, 2), {x: 1}, with_respect_to=["x", "m"]).gradient
+        value_and_gradient(system, final(x) * final(of), (0, 2), {x: 1}, by=["x", "m"]).gradient
         for of in (m, system.states[-1])
     ]
     assert np.array_equal(*gradients) and gradients[0].all()
@@ -207,10 +207,10 @@ def test_what_has_no_gradient_says_so():
         objective(objective.start)
     corner = System({x: -1, y: -1, z: sp.sign(x) + sp.sign(x + y) * sp.sign(y)})
     with pytest.raises(NoDerivative, match="several surfaces"):
-        value_and_gradient(corner, final(z), (0, 3), {x: 1, y: 1, z: 0}, with_respect_to=["x"], **TIGHT)
+        value_and_gradient(corner, final(z), (0, 3), {x: 1, y: 1, z: 0}, by=["x"], **TIGHT)
     held = System({x: -2 * sp.sign(x) + y, y: -y})
     with pytest.raises(NoDerivative, match="x leads out"):
-        value_and_gradient(held, final(y), (0, 1), {x: 0, y: 1}, with_respect_to=["x"], **TIGHT)
+        value_and_gradient(held, final(y), (0, 1), {x: 0, y: 1}, by=["x"], **TIGHT)
 
 
 @pytest.mark.parametrize(

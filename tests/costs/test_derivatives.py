@@ -66,7 +66,7 @@ def assert_by_differences(system, span, start, quantities, look, **options):
         return look(solution)
 
     options = TIGHT | options
-    solution = solve(system, span, start, with_respect_to=list(quantities), dense_output=True, **options)
+    solution = solve(system, span, start, by=list(quantities), dense_output=True, **options)
     expected, unsure = differences(run, quantities)
     found = look(solution.derivatives, solution)
     assert np.all(np.abs(found - expected) <= 10 * unsure + 1e-9 * np.abs(expected).max())
@@ -87,14 +87,14 @@ def states_at(times):
 @pytest.mark.parametrize("level", [0.55, 0.7, 0.99])
 def test_a_reset_moves_with_its_level(level):
     system = System({x: 1}, events=[Event(x - p, update={x: 0})], parameters={p: level})
-    d = solve(system, (0, 1), {x: 0}, with_respect_to=[p], **TIGHT).derivatives
+    d = solve(system, (0, 1), {x: 0}, by=[p], **TIGHT).derivatives
     assert d.end[0, 0] == pytest.approx(-1.0, abs=1e-12) and d.event_times() == pytest.approx(1.0, abs=1e-12)
 
 
 def test_a_ball_moves_with_height_gravity_and_restitution():
     ground = Unilateral(x, restitution=e, name="R")
     ball = System({x: v, v: -g + ground.reaction}, parameters={g: 9.8, e: 0.8})
-    d = solve(ball, (0, 5), {x: 50, v: 0}, with_respect_to=["x", g, e], **TIGHT).derivatives
+    d = solve(ball, (0, 5), {x: 50, v: 0}, by=["x", g, e], **TIGHT).derivatives
     assert d.end[0] == pytest.approx([0.21744565164973, 1.87472271249865, 56.5247584249853], rel=1e-12)
     assert d.end[1] == pytest.approx([0.56348913032995, -2.12505545750027, 31.304951684997], rel=1e-12)
     # The impact, at sqrt(2 h/g), and the speeds beside it.
@@ -109,7 +109,7 @@ def test_an_end_at_a_terminal_event_moves_along_with_it():
     throw = System(
         {x: v, v: a, y: 1}, parameters={a: 0.5}, events=[Event(x - 1, update={y: 3 * v}, terminal=True)]
     )
-    d = solve(throw, (0, 5), {x: 0, v: 1, y: 0}, with_respect_to=[a, "v"], **TIGHT).derivatives
+    d = solve(throw, (0, 5), {x: 0, v: 1, y: 0}, by=[a, "v"], **TIGHT).derivatives
     slopes = np.array([1, 1]) / np.sqrt(2)  # of the speed sqrt(v^2 + 2 a) at x = 1
     assert d.end == pytest.approx(np.array([0 * slopes, slopes, 3 * slopes]), abs=1e-12)
     assert d.x[0, :, -1] == pytest.approx(
@@ -119,7 +119,7 @@ def test_an_end_at_a_terminal_event_moves_along_with_it():
 
 def test_what_ends_at_a_stick_keeps_what_it_has_become():
     system = System({x: -a * sp.sign(x), y: b * sp.Abs(sp.sign(x))}, parameters={a: 1.3, b: 2.0})
-    d = solve(system, (0, 3), {x: 1, y: 0}, with_respect_to=[a, b, "x", "y"], **TIGHT).derivatives
+    d = solve(system, (0, 3), {x: 1, y: 0}, by=[a, b, "x", "y"], **TIGHT).derivatives
     assert d.end[0] == pytest.approx(np.zeros(4), abs=1e-14)
     assert d.end[1] == pytest.approx([-2.0 / 1.3**2, 1 / 1.3, 2 / 1.3, 1.0], rel=1e-13)
 
@@ -133,13 +133,13 @@ def test_instants_of_the_clock_move_with_their_period():
     quantities = {"a": 0.3, "b": 0.4, "x": 1.0}
     assert_by_differences(system, (0, 2), {"x": 1.0}, quantities, states_at(np.array([0.55, 1.1, 1.95])))
     single = System({x: -x}, time=t, events=[Event(at=[a**2], update={x: x + 1})], parameters={a: 0.7})
-    d = solve(single, (0, 1), {x: 2}, with_respect_to=[a], **TIGHT).derivatives
+    d = solve(single, (0, 1), {x: 2}, by=[a], **TIGHT).derivatives
     assert d.end[0, 0] == pytest.approx(1.4 * np.exp(0.49 - 1.0), rel=1e-12)
 
 
 def test_the_start_of_the_span_moves_what_follows():
     system = System({x: -x * sp.sin(t)}, time=t)
-    d = solve(system, (0.4, 2), {x: 1.5}, with_respect_to=["t0"], **TIGHT).derivatives
+    d = solve(system, (0.4, 2), {x: 1.5}, by=["t0"], **TIGHT).derivatives
     end = 1.5 * np.exp(np.cos(2) - np.cos(0.4))
     assert d.end[0, 0] == pytest.approx(end * np.sin(0.4), rel=1e-12)
 
@@ -147,7 +147,7 @@ def test_the_start_of_the_span_moves_what_follows():
 def test_after_an_accumulation_nothing_of_the_fall_is_left():
     ground = Unilateral(x, restitution=e, name="R")
     ball = System({x: v, v: -g + ground.reaction}, parameters={g: 9.8, e: 0.6})
-    d = solve(ball, (0, 30), {x: 1, v: 0}, with_respect_to=["x", "v", g, e], **TIGHT).derivatives
+    d = solve(ball, (0, 30), {x: 1, v: 0}, by=["x", "v", g, e], **TIGHT).derivatives
     assert d.end == pytest.approx(np.zeros((2, 4)), abs=1e-12)
 
 
@@ -177,7 +177,7 @@ def test_a_chatter_on_a_shaken_table_moves_as_bounces_in_60_digits_do(values):
     ground = Unilateral(x - a * sp.sin(omega * t), restitution=e, name="R")
     values = dict(zip((a, omega, e, g, x, v), values))
     ball = System({x: v, v: -g + ground.reaction}, time=t, parameters={q: values[q] for q in (a, omega, e, g)})
-    run = solve(ball, (0, 12), {x: values[x], v: values[v]}, with_respect_to=list(values), **TIGHT)
+    run = solve(ball, (0, 12), {x: values[x], v: values[v]}, by=list(values), **TIGHT)
     met = run.event_times("impact")
     met = met[met < run.event_times("accumulation")[0]][:-4]
     with mp.workdps(60):
@@ -197,7 +197,7 @@ def test_a_chatter_moves_with_its_table():
     ground = Unilateral(x - b * t, restitution=e, name="R")
     ball = System({x: v, v: -g + ground.reaction}, time=t, parameters={g: 9.8, e: 0.6, b: 0.7})
     names = ["x", g, e, b]
-    run = solve(ball, (0, 5), {x: 1, v: 0}, with_respect_to=names, **TIGHT)
+    run = solve(ball, (0, 5), {x: 1, v: 0}, by=names, **TIGHT)
     meets = sp.sqrt(b**2 + 2 * g * x)
     rests = (meets - b) / g + 2 * e * meets / (g * (1 - e))
     values = {x: 1, g: 9.8, e: 0.6, b: 0.7}
@@ -230,9 +230,7 @@ def test_hidden_friction_states_outputs_and_events():
     start = {"y": 0.5, "v": 0.3, "z": 0.0}
     solution = assert_by_differences(friction_oscillator(), (0, 25), start, quantities, look)
     # The same at wanted times, and at the solution's own.
-    asked = solve(
-        friction_oscillator(), (0, 25), start, t_eval=times, with_respect_to=list(quantities), **TIGHT
-    )
+    asked = solve(friction_oscillator(), (0, 25), start, t_eval=times, by=list(quantities), **TIGHT)
     d = solution.derivatives
     assert asked.derivatives.x == pytest.approx(d(times), rel=1e-11, abs=1e-11)
     assert asked.derivatives["friction"] == pytest.approx(d(times, "friction"), rel=1e-11, abs=1e-11)
@@ -337,7 +335,7 @@ BY_RESETS = {"a": 0.3, "g": 0.4, "p": 1.0, "b": 1.3, "x": 1.0, "w": 0.1, "m": 0.
 def test_steps_of_the_pair_have_the_derivatives_of_series():
     start, names = {"y": 0.5, "v": 0.3, "z": 0.0}, ["rho", "sigma", "y", "t0"]
     pair, series = (
-        solve(friction_oscillator(), (0, 25), start, method=method, with_respect_to=names, **TIGHT).derivatives
+        solve(friction_oscillator(), (0, 25), start, method=method, by=names, **TIGHT).derivatives
         for method in ("rk", "auto")
     )
     assert pair.end == pytest.approx(series.end, rel=1e-9, abs=1e-11)
@@ -358,7 +356,7 @@ def test_smoothed_runs_with_resets_and_memories():
 
     solution = assert_by_differences(smooth, (0, 7), start, quantities, look, **options)
     times = np.linspace(0, 7, 15)
-    asked = solve(smooth, (0, 7), start, t_eval=times, with_respect_to=list(quantities), **options)
+    asked = solve(smooth, (0, 7), start, t_eval=times, by=list(quantities), **options)
     assert np.array_equal(asked.derivatives.x, solution.derivatives(times))
     ends = np.append(np.diff(solution.t) > 0, True)
     assert solution.derivatives.x[..., ends] == pytest.approx(
@@ -384,7 +382,7 @@ def test_a_power_at_its_branch_point_and_a_stick():
     solution = assert_by_differences(system, (0, 9), start, quantities, look, **options)
     assert not solution.tape.by_series and solution.status[0, -1] == 0
     d = solution.derivatives
-    asked = solve(system, (0, 9), start, t_eval=times, with_respect_to=list(quantities), **options).derivatives
+    asked = solve(system, (0, 9), start, t_eval=times, by=list(quantities), **options).derivatives
     assert asked.x == pytest.approx(d(times), rel=1e-11, abs=1e-12)
     assert asked["lam"] == pytest.approx(d(times, "lam"), rel=1e-9, abs=1e-11)
     objective = Objective(system, at(lam * x, 9.0), (0, 9), start, list(quantities), **options)
@@ -400,12 +398,12 @@ def test_stiff_steps_have_the_derivatives_of_series():
     start, names = {x: 0.5, v: 0.2, z: 0}, ["p", "g", "b", "x", "v", "t0"]
     rtol = 1e-10
     stiff, series = (
-        solve(lugre, (0, 8), start, with_respect_to=names, **options).derivatives
+        solve(lugre, (0, 8), start, by=names, **options).derivatives
         for options in ({"method": "stiff", "rtol": rtol, "atol": rtol / 100}, TIGHT)
     )
     assert stiff.end == pytest.approx(series.end, rel=100 * rtol, abs=100 * rtol * np.abs(series.end).max())
     assert stiff.event_times("crossing") == pytest.approx(series.event_times("crossing"), rel=1e-7, abs=1e-9)
-    stopped = solve(lugre, (0, 8), start, with_respect_to=names, method="stiff", max_steps=1)
+    stopped = solve(lugre, (0, 8), start, by=names, method="stiff", max_steps=1)
     assert not stopped.success and stopped.derivatives.end.shape == (3, 6)
 
 
@@ -484,7 +482,7 @@ def test_backward_and_forward_agree(name):
         system = System({x: v, v: -g + ground.reaction}, parameters={g: 9.8, e: 0.8})
         span, start = (0, 12), {"x": 5.0, "v": 0.0}
     names = [*map(str, system.parameters), *map(str, system.states)]
-    solution = solve(system, span, start, with_respect_to=names, **TIGHT)
+    solution = solve(system, span, start, by=names, **TIGHT)
     n, m = len(system.states), len(system.model.multipliers)
     rng = np.random.default_rng(0)
     times = np.sort(rng.uniform(*span, 9))
@@ -506,7 +504,7 @@ def test_backward_and_forward_agree(name):
 def test_a_grazing_impact_is_refused_from_there_on():
     ground = Unilateral(x, restitution=e, name="R")
     swing = System({x: v, v: -x + 1 + ground.reaction}, parameters={e: 0.8})  # x = 1 - cos(t) + ...
-    run = solve(swing, (0, 9), {x: 2, v: 0}, with_respect_to=["x"], **TIGHT)
+    run = solve(swing, (0, 9), {x: 2, v: 0}, by=["x"], **TIGHT)
     d = run.derivatives
     assert d(1.0)[0, 0] == pytest.approx(np.cos(1.0), rel=1e-11)
     with pytest.raises(NoDerivative, match=r"from t = 3\.14"):
@@ -517,23 +515,23 @@ def test_a_grazing_impact_is_refused_from_there_on():
 
 def test_two_surfaces_at_once_are_refused_and_one_surface_twice_is_not():
     meet = System({x: -1, y: -1, z: sp.sign(x) * a + sp.sign(x + y) * sp.sign(y)}, parameters={a: 0.5})
-    d = solve(meet, (0, 3), {x: 1, y: 1, z: 0}, with_respect_to=["x", a], **TIGHT).derivatives
+    d = solve(meet, (0, 3), {x: 1, y: 1, z: 0}, by=["x", a], **TIGHT).derivatives
     with pytest.raises(NoDerivative, match="several surfaces"):
         _ = d.end
     twice = System({x: -1, z: sp.sign(x) * a + sp.sign(2 * x)}, parameters={a: 0.5})
-    d = solve(twice, (0, 3), {x: 1, z: 0}, with_respect_to=["x", a], **TIGHT).derivatives
+    d = solve(twice, (0, 3), {x: 1, z: 0}, by=["x", a], **TIGHT).derivatives
     assert d.end[1] == pytest.approx([2 * (0.5 + 1), 1 - 2], rel=1e-13)
 
 
 def test_where_there_is_none_the_sides_are_told_if_they_have_one():
     ground = Unilateral(x, restitution=e, name="R")
     swing = System({x: v, v: -x + 1 + ground.reaction}, parameters={e: 0.8})
-    d = solve(swing, (0, 5), {x: 2, v: 0}, with_respect_to=["x"], **TIGHT).derivatives
+    d = solve(swing, (0, 5), {x: 2, v: 0}, by=["x"], **TIGHT).derivatives
     below, above = d.sides("x")
     assert below == pytest.approx([np.cos(5), -np.sin(5)], abs=1e-9)  # it misses the ground
     assert above is None  # the impact's share grows as the root of the distance
     meet = System({x: -1, y: -1, z: sp.sign(x) * a + sp.sign(x + y) * sp.sign(y)}, parameters={a: 0.5})
-    d = solve(meet, (0, 3), {x: 1, y: 1, z: 0}, with_respect_to=["x", a], **TIGHT).derivatives
+    d = solve(meet, (0, 3), {x: 1, y: 1, z: 0}, by=["x", a], **TIGHT).derivatives
     # z(3) = (x0 - (3 - x0)) a + ..., where sign(x + y) sign(y) is -1 for |x0 - 1|/2, before or behind t = 1.
     below, above = d.sides("x")
     assert (below[2], above[2]) == pytest.approx((2 * 0.5 + 1, 2 * 0.5 - 1), abs=1e-9)
@@ -549,18 +547,18 @@ def test_where_there_is_none_the_sides_are_told_if_they_have_one():
 def test_a_start_on_a_surface_that_holds_it_is_refused_across_it_alone(more):
     system = System({x: -2 * sp.sign(x) + y, y: -a * y, z: more}, parameters={a: 1.0})
     start, options = {x: 0, y: 1, z: 0}, TIGHT if more == 0 else {"rtol": 1e-12, "atol": 1e-14}
-    run = solve(system, (0, 1), start, with_respect_to=["x"], **options)
+    run = solve(system, (0, 1), start, by=["x"], **options)
     with pytest.raises(NoDerivative, match="x leads out of that"):
         _ = run.derivatives.end
     with pytest.raises(NoDerivative, match="x leads out of that"):
         objective = Objective(system, final(y), (0, 1), start, ["x"], **options)
         objective(objective.start)
-    d = solve(system, (0, 1), start, with_respect_to=["y", a], **options).derivatives
+    d = solve(system, (0, 1), start, by=["y", a], **options).derivatives
     assert d.end[:2] == pytest.approx(np.array([[0, 0], [np.exp(-1), -np.exp(-1)]]), abs=1e-11)
 
 
 def test_an_ambiguity_is_refused():
-    run = solve(System({x: a * sp.sign(x)}, parameters={a: 1.0}), (0, 1), {x: 0}, with_respect_to=[a])
+    run = solve(System({x: a * sp.sign(x)}, parameters={a: 1.0}), (0, 1), {x: 0}, by=[a])
     with pytest.raises(NoDerivative, match="not unique"):
         _ = run.derivatives.end
 
@@ -571,27 +569,27 @@ def test_an_ambiguity_is_refused():
         (["q"], "'q', which has no derivative here"),
         (["lam"], "'lam', which has no derivative here"),
         (["rho", "rho"], "twice"),
-        ("rho", "with_respect_to"),
-        ([3], "with_respect_to"),
+        ("rho", "by"),
+        ([3], "by"),
     ],
 )
 def test_names_that_have_none_are_refused_at_the_door(names, message):
     with pytest.raises((ValueError, TypeError), match=message):
-        solve(friction_oscillator(), (0, 1), {"y": 0.5, "v": 0.3, "z": 0}, with_respect_to=names)
+        solve(friction_oscillator(), (0, 1), {"y": 0.5, "v": 0.3, "z": 0}, by=names)
 
 
 def test_diffusions_scipys_methods_and_backward_runs_say_that_they_have_none():
     start, smooth = {"y": 0.5, "v": 0.3, "z": 0}, friction_oscillator().smoothed(1e-3)
     with pytest.raises(ValueError, match="SciPy"):
-        solve(smooth, (0, 1), start, method="Radau", with_respect_to=["rho"])
+        solve(smooth, (0, 1), start, method="Radau", by=["rho"])
     with pytest.raises(ValueError, match="diffusion"):
-        solve(smooth, (0, 1), start, noise=Diffusion({v: 0.1}, step=0.01), with_respect_to=["rho"])
+        solve(smooth, (0, 1), start, noise=Diffusion({v: 0.1}, step=0.01), by=["rho"])
     with pytest.raises(ValueError, match="decreases"):
-        solve(friction_oscillator(), (1, 0), start, with_respect_to=["rho"])
+        solve(friction_oscillator(), (1, 0), start, by=["rho"])
 
 
 def test_times_outside_the_span_and_unknown_names():
-    d = solve(friction_oscillator(), (0, 1), {"y": 0.5, "v": 0.3, "z": 0}, with_respect_to=["rho"]).derivatives
+    d = solve(friction_oscillator(), (0, 1), {"y": 0.5, "v": 0.3, "z": 0}, by=["rho"]).derivatives
     with pytest.raises(ValueError, match="leaves the solved span"):
         d(2.0)
     with pytest.raises(KeyError, match="no state"):
@@ -609,7 +607,7 @@ def test_a_state_that_leaves_its_bound_as_the_input_jumps_has_forgotten_how_it_c
     clipped = sp.Piecewise((rate, z > 0), (sp.Max(rate, 0), True))
     guarded = sp.Piecewise((0, sp.And(z <= 0, rate < 0)), (rate, True))
     system = System({z: guarded if rests == "guarded" else clipped}, time=t, parameters={a: 2})
-    run = solve(system, (0, 1.5), {z: 0.3}, with_respect_to=[a, "z"])
+    run = solve(system, (0, 1.5), {z: 0.3}, by=[a, "z"])
     assert run.x[0, -1] == pytest.approx(1, abs=1e-12)
     assert run.derivatives.end[0] == pytest.approx([0.5, 0], abs=1e-12)
 
@@ -618,4 +616,4 @@ def test_a_start_at_rest_on_a_surface_that_others_begin_beside_has_no_derivative
     """x' = 0 for x > 0 until t = 1, then x' = a + sign(x): from beside 0 it would go on otherwise."""
     system = System({x: sp.Piecewise((0, t < 1), (a / 2 + sp.sign(x), True))}, time=t, parameters={a: 1})
     with pytest.raises(NoDerivative):
-        solve(system, (0, 2), {x: 0.0}, with_respect_to=["x"]).derivatives.end  # noqa: B018
+        solve(system, (0, 2), {x: 0.0}, by=["x"]).derivatives.end  # noqa: B018

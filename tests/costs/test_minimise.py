@@ -189,7 +189,7 @@ def test_a_search_steps_back_where_an_event_does_not_happen():
 
 
 def test_a_first_guess_without_a_cost_is_refused():
-    with pytest.raises(ValueError, match="`over`.*does not happen.*Give others"):
+    with pytest.raises(ValueError, match="`by`.*does not happen.*Give others"):
         minimise(RELAY, event_time("sgn(x)", number=3), (0, 2), {x: -2}, ["x"])
 
 
@@ -302,10 +302,10 @@ def test_the_convergence_is_drawn():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"over": []}, "`over` is empty"),
-        ({"over": ["q"]}, "`over` names 'q'"),
-        ({"over": ["x", "x"]}, "`over` names something twice"),
-        ({"over": {"x": "b"}}, "`over`.*first guess of x"),
+        ({"by": []}, "`by` is empty"),
+        ({"by": ["q"]}, "`by` names 'q'"),
+        ({"by": ["x", "x"]}, "`by` names something twice"),
+        ({"by": {"x": "b"}}, "`by`.*first guess of x"),
         ({"bounds": {"y": (0, 1)}}, "`bounds` names 'y'"),
         ({"bounds": {"x": (1, 0)}}, "`bounds` of x.*lowest first"),
         ({"bounds": {"x": (0, 1)}}, "outside of its bounds"),
@@ -321,6 +321,6 @@ def test_the_convergence_is_drawn():
     ],
 )
 def test_bad_calls_are_refused_at_the_door(arguments, message):
-    given = {"system": RELAY, "cost": STEER, "t_span": (0, 2), "x0": {x: -2}, "over": ["x"]} | arguments
+    given = {"system": RELAY, "cost": STEER, "t_span": (0, 2), "x0": {x: -2}, "by": ["x"]} | arguments
     with pytest.raises((ValueError, TypeError), match=message):
         minimise(**given)

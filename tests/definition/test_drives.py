@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 
 from pwsmooth import Drive, Event, Family, Memory, Solution, System, solve, sweep
-from pwsmooth.analysis.maps.variations import variations
+from pwsmooth.analysis.maps.first_order import variations
 from pwsmooth.codegen.machine import cache
 
 y, v, u, t = sp.symbols("y v u t", real=True)
@@ -149,7 +149,7 @@ def test_a_sweep_begins_inside_of_the_record():
     def end(run):
         return run["y"][-1]
 
-    ends = sweep(system, {t: stiffness}, start={y: 0, v: 0}, t_span=SPAN, measures=[end])["end"]
+    ends = sweep(system, {t: stiffness}, x0={y: 0, v: 0}, t_span=SPAN, measures=[end])["end"]
     alone = [solve(system, SPAN, {y: 0, v: 0}, parameters={t: k})["y"][-1] for k in stiffness]
     assert np.allclose(ends, alone, atol=1e-9)
 

@@ -264,7 +264,7 @@ def test_what_needs_formulas_is_refused_by_name():
         ({"method": "stiff"}, "`method` is 'stiff'"),
         ({"method": "taylor"}, "`method` is 'taylor'"),
         ({"noise": Kicks(0.1, every=1, on="v")}, "`noise` is given"),
-        ({"with_respect_to": ["k"]}, "`with_respect_to` is given"),
+        ({"by": ["k"]}, "`by` is given"),
     ):
         with pytest.raises(ValueError, match=words + " for a system of functions"):
             solve(block, (0, 1), start, **options)
@@ -275,7 +275,7 @@ def test_what_needs_formulas_is_refused_by_name():
         lambda: block.layered({"v": 1}),
         lambda: block.hidden_terms,
         lambda: find_equilibrium(block, start),
-        lambda: sweep(block, {"k": [1.0]}, start=start, t_span=(0, 1), measures=["counts"]),
+        lambda: sweep(block, {"k": [1.0]}, x0=start, t_span=(0, 1), measures=["counts"]),
         lambda: solve(block, (0, 1), start).save("nowhere.zip"),
     ):
         with pytest.raises(TypeError, match="made of functions"):

@@ -9,7 +9,7 @@ import sympy as sp
 from sympy.physics import mechanics as me
 
 from pwsmooth import Algebraic, Event, Family, Switch, System, Unilateral, solve
-from pwsmooth.analysis.maps.variations import variations
+from pwsmooth.analysis.maps.first_order import variations
 
 TIGHT = {"rtol": 1e-10, "atol": 1e-12}
 t, q1, q2, u1, u2, w, f = sp.symbols("t q1 q2 u1 u2 w f", real=True)
@@ -87,9 +87,7 @@ def test_what_a_run_shows_of_an_acceleration_has_the_reactions_in_it(pendulums):
 
 def test_derivatives_go_through_impacts_and_closed_contacts_of_a_mechanism(pendulums):
     start, by = {q1: 0.5, q2: 0.6, u1: 1, u2: 2}, ["q1", "u1", e, w, f]
-    here, hand = (
-        solve(s, (0, 8), start, parameters={mu: 0, e: 0.5}, with_respect_to=by, **TIGHT) for s in pendulums
-    )
+    here, hand = (solve(s, (0, 8), start, parameters={mu: 0, e: 0.5}, by=by, **TIGHT) for s in pendulums)
     assert {"impact", "closed contact"} <= {event.kind for event in here.events}
     assert np.abs(here.derivatives.end - hand.derivatives.end).max() < 1e-7 * np.abs(hand.derivatives.end).max()
     # The one of a stored solution knows of the mobilities, too: through the first impacts.

@@ -17,8 +17,10 @@ import sympy as sp
 import xarray
 from friction_oscillator import hidden, omega, sigma, v, y, z
 
-from pwsmooth import Event, System, bifurcation_set, diagram, find_equilibrium, find_orbit
-from pwsmooth.diagrams import read_diagram, read_set
+from pwsmooth import Event, Return, Strobe, System, diagram, find_equilibrium, find_orbit
+from pwsmooth.analysis.continuation import Steps
+from pwsmooth.diagrams import read_diagram
+from pwsmooth.studies import Work
 
 t, x, u = sp.symbols("t x u", real=True)
 a, b = sp.symbols("a b", real=True)
@@ -35,7 +37,7 @@ def mapped(update, **values):
 
 LOGISTIC = mapped({x: a * x * (1 - x)}, a=3)
 HENON = mapped({x: a - x**2 + u, u: b * x}, a=0.1, b=0.3)  # of a x: no orbit goes to infinity at a = 0
-STROBED = {"period": 1, "phase": 0.5}
+STROBED = Strobe(1, phase=0.5)
 
 
 def of(found, kind):
@@ -45,7 +47,7 @@ def of(found, kind):
 @pytest.fixture(scope="module")
 def cascade():
     # 3.7 is one of the values, and 3.835, the only one in a window that is wider than 0.001
-    return diagram(LOGISTIC, a, (2.935, 3.88), {x: 0.3}, **STROBED, values=22, longest=8)
+    return diagram(LOGISTIC, {a: (2.935, 3.88)}, {x: 0.3}, seen=STROBED, values=22, max_count=8)
 
 
 # ---- one parameter
@@ -65,7 +67,7 @@ def test_the_window_of_period_three_is_found_from_its_attractor(cascade):
 @pytest.mark.parametrize("unit", [1e-6, 1e6])
 def test_the_cascade_does_not_depend_on_the_unit(unit):
     scaled = mapped({x: unit * (1 - a * (x / unit) ** 2)}, a=0.5)
-    found = diagram(scaled, a, (0.6, 1.368), {x: 0.6 * unit}, **STROBED, values=8, longest=4)
+    found = diagram(scaled, {a: (0.6, 1.368)}, {x: 0.6 * unit}, seen=STROBED, values=8, max_count=4)
     # of x -> 1 - a x^2
     assert of(found, "flip") == pytest.approx([3 / 4, 5 / 4], abs=CLOSE)
     assert found.gaps == [] and found.lost == () and [branch.count for branch in found.branches] == [1, 2, 4]
@@ -79,22 +81,22 @@ def test_chaos_is_on_no_branch_and_no_attractor_is_known_there(cascade):
 
 
 def test_many_starts_and_orbits_have_one_branch():
-    orbit = find_orbit(LOGISTIC.with_parameters({a: 2.9}), {x: 0.6}, **STROBED)
-    found = diagram(LOGISTIC, a, (2.8, 3.3), [{x: 0.3}, {x: 0.8}], orbits=[orbit, orbit], **STROBED, values=9)
+    orbit = find_orbit(LOGISTIC.with_parameters({a: 2.9}), {x: 0.6}, seen=STROBED)
+    found = diagram(LOGISTIC, {a: (2.8, 3.3)}, [{x: 0.3}, {x: 0.8}, orbit, orbit], seen=STROBED, values=9)
     assert [branch.origin for branch in found.branches] == ["given", "flip at a = 3"]
 
 
 def test_depth_bounds_branches_on_branches():
-    found = diagram(LOGISTIC, a, (2.9, 3.2), {x: 0.3}, **STROBED, values=2, depth=0)
+    found = diagram(LOGISTIC, {a: (2.9, 3.2)}, {x: 0.3}, seen=STROBED, values=2, max_depth=0)
     assert len(found.branches) == 2  # those of both ends of the orbit diagram
-    shallow = diagram(LOGISTIC, a, (2.9, 3.46), None, **STROBED, depth=1, orbits=[
-        find_orbit(LOGISTIC.with_parameters({a: 2.9}), {x: 0.6}, **STROBED)])  # fmt: skip
+    shallow = diagram(LOGISTIC, {a: (2.9, 3.46)}, seen=STROBED, max_depth=1, x0=[
+        find_orbit(LOGISTIC.with_parameters({a: 2.9}), {x: 0.6}, seen=STROBED)])  # fmt: skip
     assert [branch.count for branch in shallow.branches] == [1, 2] and shallow.left == 1
 
 
 def test_an_isle_closes():
     isle = mapped({x: x + (sp.Rational(1, 4) - a**2 - x**2) / 2}, a=0)  # fixed points on a circle
-    found = diagram(isle, a, (-1, 1), {x: 0.1}, **STROBED, values=21)
+    found = diagram(isle, {a: (-1, 1)}, {x: 0.1}, seen=STROBED, values=21)
     (branch,) = found.branches
     assert branch.about["ends"] == ["it closes."]
     assert of(found, "fold") == pytest.approx([-0.5, 0.5], abs=CLOSE)
@@ -103,7 +105,7 @@ def test_an_isle_closes():
 
 def test_both_halves_of_a_pitchfork_are_one_branch():
     pitchfork = mapped({x: x + a * x - x**3}, a=-0.2)
-    found = diagram(pitchfork, a, (-0.5, 0.5), {x: 0.1}, **STROBED, values=6)
+    found = diagram(pitchfork, {a: (-0.5, 0.5)}, {x: 0.1}, seen=STROBED, values=6)
     stem, fork = found.branches
     assert [b.kind for b in found.bifurcations] == ["branch point"]
     at = fork.arrays["points"][:, 0, 0]
@@ -114,7 +116,7 @@ def test_both_halves_of_a_pitchfork_are_one_branch():
 def test_a_skew_tent_s_fixed_point_crosses_its_border_where_a_period_of_two_begins():
     # x -> x/2 + a for x < 0, -3 x/2 + a else: fixed at 2 a and 2 a/5; a period of two, a + x/2 and a - 3 x/2
     tent = mapped({x: sp.Piecewise((x / 2 + a, x < 0), (-3 * x / 2 + a, True))}, a=-0.5)
-    found = diagram(tent, a, (-0.5, 0.5), {x: 0.1}, **STROBED, values=10)
+    found = diagram(tent, {a: (-0.5, 0.5)}, {x: 0.1}, seen=STROBED, values=10)
     single, double = found.branches
     assert single.q.max() == pytest.approx(0.5) and double.q.min() == pytest.approx(0, abs=1e-8)
     (border,) = found.bifurcations
@@ -133,14 +135,19 @@ def test_a_skew_tent_s_fixed_point_crosses_its_border_where_a_period_of_two_begi
 def test_the_branch_on_which_a_doubled_branch_ends_is_followed():
     # The logistic map's window of period 3: fold at 1 + sqrt 8, flip at 3.841499
     found = diagram(
-        LOGISTIC.with_parameters({a: 3.83}), a, (3.83, 3.845), {x: 0.3}, **STROBED, values=2, transient=2000
+        LOGISTIC.with_parameters({a: 3.83}),
+        {a: (3.83, 3.845)},
+        {x: 0.3},
+        seen=STROBED,
+        values=2,
+        transient=2000,
     )
     assert sorted(branch.count for branch in found.branches) == [3, 6] and found.gaps == []
 
 
 def test_a_rest_that_persists_at_a_boundary_leaves_no_gap():
     # x = a - 1 for a > 1, 0 held for |a| < 1, x = a + 1 for a < -1
-    found = diagram(System({x: a - x - sp.sign(x)}, parameters={a: 0.0}), a, (-2, 2), box={x: (-4, 4)})
+    found = diagram(System({x: a - x - sp.sign(x)}, parameters={a: 0.0}), {a: (-2, 2)}, box={x: (-4, 4)})
     assert found.gaps == []
 
 
@@ -152,7 +159,7 @@ def test_the_cycle_that_is_born_at_a_boundary_equilibrium_is_followed():
         {x: sp.Piecewise((growth * x - (u - a), u > 0), (0, True)),
          u: sp.Piecewise((x + growth * (u - a), u > 0), (1, True))}, parameters={a: -0.5},
     )  # fmt: skip
-    found = diagram(focus, a, (-0.1, 0.5), box={x: (-3, 3), u: (-3, 3)}, longest_step=0.1)
+    found = diagram(focus, {a: (-0.1, 0.5)}, box={x: (-3, 3), u: (-3, 3)}, steps=Steps(longest=0.1))
     assert found.gaps == [(-0.1, pytest.approx(0, abs=1e-9))] and len(found.branches) == 2
     cycle = found.branches[1]
     assert cycle.q.min() == pytest.approx(0, abs=1e-9) and cycle.q.max() == pytest.approx(0.5)
@@ -163,18 +170,18 @@ def test_the_cycle_that_is_born_at_a_boundary_equilibrium_is_followed():
 
 def test_folds_of_equilibria_have_curves(tmp_path):
     cusp = System({x: a + b * x - x**3}, parameters={a: -1.0, b: 1.0})
-    found = bifurcation_set(cusp, (a, b), ((-1, 1), (-1, 1.5)), box={x: (-3, 3)}, lines={b: [1.0]})
+    found = diagram(cusp, {a: (-1, 1), b: (-1, 1.5)}, box={x: (-3, 3)}, lines={b: [1.0]})
     (curve,) = found.curves
     p, q = curve.values
     assert np.abs(27 * p**2 - 4 * q**3).max() < CLOSE and [point.name for point in found.points] == ["cusp"]
     found.save(tmp_path / "set.zarr")
-    assert [curve.kind for curve in read_set(tmp_path / "set.zarr").curves] == ["fold"]
+    assert [curve.kind for curve in read_diagram(tmp_path / "set.zarr").curves] == ["fold"]
 
 
 def test_a_hopf_point_leads_to_its_cycle():
     r2 = x**2 + u**2  # the cycle has the radius sqrt(a)
     ring = System({x: a * x - u - x * r2, u: x + a * u - u * r2}, parameters={a: -0.5})
-    found = diagram(ring, a, (-0.5, 0.5), box={x: (-1, 1), u: (-1, 1)})
+    found = diagram(ring, {a: (-0.5, 0.5)}, box={x: (-1, 1), u: (-1, 1)})
     rest, cycle = found.branches
     assert rest.equilibria and [b.kind for b in found.bifurcations] == ["Hopf"] and found.gaps == []
     radius = (cycle.arrays["points"][:, 0] ** 2).sum(axis=1)
@@ -184,13 +191,13 @@ def test_a_hopf_point_leads_to_its_cycle():
 def test_trajectories_that_come_to_rest_are_explained_by_an_equilibrium():
     r2 = x**2 + u**2
     ring = System({x: a * x - u - x * r2, u: x + a * u - u * r2}, parameters={a: -0.5})
-    found = diagram(ring, a, (-0.5, 0.5), {x: 0.5, u: 0}, section=u, values=6, box={x: (-1, 1), u: (-1, 1)},
-                    longest_return=50.0)  # fmt: skip
+    box = {x: (-1, 1), u: (-1, 1)}
+    found = diagram(ring, {a: (-0.5, 0.5)}, {x: 0.5, u: 0}, seen=Return(u, longest=50.0), values=6, box=box)
     assert found.explained[:, 0].tolist() == [0, 0, 0, 1, 1, 1]
 
 
 def test_a_given_equilibrium_is_followed():
-    found = diagram(System({x: a - x**2}, parameters={a: 1}), a, (-0.5, 2), orbits=[
+    found = diagram(System({x: a - x**2}, parameters={a: 1}), {a: (-0.5, 2)}, x0=[
         find_equilibrium(System({x: a - x**2}, parameters={a: 1}), {x: 1})])  # fmt: skip
     assert of(found, "fold") == pytest.approx([0], abs=CLOSE) and len(found.branches) == 1
 
@@ -199,8 +206,8 @@ def test_a_given_equilibrium_is_followed():
 def block():
     system = hidden(rho=3).layered({z: sp.oo})
     return diagram(
-        system, sigma, (0.5, 5), [{y: 0.5, v: 0.3}, {y: -1, v: 1}], 2 * sp.pi / omega, values=19,
-        symmetry={y: -y, v: -v},
+        system, {sigma: (0.5, 5)}, [{y: 0.5, v: 0.3}, {y: -1, v: 1}],
+        Strobe(2 * sp.pi / omega, symmetry={y: -y, v: -v}), values=19,
     )  # fmt: skip
 
 
@@ -227,12 +234,12 @@ def test_a_sharp_corner_of_a_branch_is_turned_around(block):
 # ---- two parameters
 
 
-HENONS = dict(ranges=((-0.6, 1), (-0.5, 0.6)), starts={x: 0.1, u: 0}, **STROBED, values=12, longest=4)
+HENONS = dict(over={a: (-0.6, 1), b: (-0.5, 0.6)}, x0={x: 0.1, u: 0}, seen=STROBED, values=12, max_count=4)
 
 
 @pytest.fixture(scope="module")
 def henon():
-    return bifurcation_set(HENON, (a, b), **HENONS, lines={b: [-0.3, 0.1, 0.3]})
+    return diagram(HENON, **HENONS, lines={b: [-0.3, 0.1, 0.3]})
 
 
 def test_henons_curves_lie_on_their_closed_forms(henon):
@@ -283,7 +290,7 @@ def test_a_diagram_is_the_same_from_its_store_and_from_what_was_saved(tmp_path, 
 
 
 def test_data_go_through_xarray_and_zarr(tmp_path, cascade):
-    data = cascade.to_xarray()
+    data = cascade.to_dataset()
     data.to_zarr(tmp_path / "data.zarr", consolidated=False)
     with xarray.open_zarr(tmp_path / "data.zarr", consolidated=False) as opened:
         assert opened.load().equals(data)
@@ -292,7 +299,8 @@ def test_data_go_through_xarray_and_zarr(tmp_path, cascade):
 
 def test_two_processes_give_what_one_gives():
     one, two = (
-        diagram(LOGISTIC, a, (2.9, 3.2), {x: 0.3}, **STROBED, values=5, workers=workers) for workers in (1, 2)
+        diagram(LOGISTIC, {a: (2.9, 3.2)}, {x: 0.3}, seen=STROBED, values=5, work=Work(workers=workers))
+        for workers in (1, 2)
     )
     assert [branch.count for branch in one.branches] == [1, 2]
     same(two, one)
@@ -300,41 +308,39 @@ def test_two_processes_give_what_one_gives():
 
 
 def test_a_store_of_another_call_is_refused(tmp_path):
-    call = dict(system=LOGISTIC, parameter=a, starts={x: 0.3}, **STROBED, values=3, store=tmp_path / "d.zarr")
-    diagram(range=(2.8, 3.2), **call)
-    with pytest.raises(ValueError, match=r"`store`.*range"):
-        diagram(range=(2.8, 3.3), **call)
-    with pytest.raises(ValueError, match="holds a pwsmooth diagram"):
-        read_set(tmp_path / "d.zarr")
+    call = dict(x0={x: 0.3}, seen=STROBED, values=3, work=Work(store=tmp_path / "d.zarr"))
+    diagram(LOGISTIC, {a: (2.8, 3.2)}, **call)
+    with pytest.raises(ValueError, match=r"`store`.*over"):
+        diagram(LOGISTIC, {a: (2.8, 3.3)}, **call)
 
 
 def test_what_is_in_the_store_is_not_computed_again(tmp_path, monkeypatch):
-    call = dict(starts={x: 0.3}, **STROBED, values=3, store=tmp_path / "d.zarr")
-    first = diagram(LOGISTIC, a, (2.8, 3.2), **call)
+    call = dict(x0={x: 0.3}, seen=STROBED, values=3, work=Work(store=tmp_path / "d.zarr"))
+    first = diagram(LOGISTIC, {a: (2.8, 3.2)}, **call)
 
     def never(setting, task):
         raise AssertionError("it was computed again")
 
-    monkeypatch.setattr("pwsmooth.diagrams.one_parameter.traced", never)
-    same(diagram(LOGISTIC, a, (2.8, 3.2), **call), first)
+    monkeypatch.setattr("pwsmooth.diagrams.calling.traced", never)
+    same(diagram(LOGISTIC, {a: (2.8, 3.2)}, **call), first)
 
 
 def test_a_damaged_item_is_computed_again(tmp_path):
-    call = dict(starts={x: 0.3}, **STROBED, values=3, store=tmp_path / "d.zarr")
-    first = diagram(LOGISTIC, a, (2.8, 3.2), **call)
+    call = dict(x0={x: 0.3}, seen=STROBED, values=3, work=Work(store=tmp_path / "d.zarr"))
+    first = diagram(LOGISTIC, {a: (2.8, 3.2)}, **call)
     item = sorted((tmp_path / "d.zarr" / "items").glob("*/parameter/c/0"))[0]
     item.write_bytes(b"nothing")
     with pytest.warns(UserWarning, match="damaged"):
-        again = diagram(LOGISTIC, a, (2.8, 3.2), **call)
+        again = diagram(LOGISTIC, {a: (2.8, 3.2)}, **call)
     same(again, first)
 
 
 KILLED = """
 import sys
 sys.path[:0] = {paths!r}
-from test_diagrams import HENON, HENONS, a, b, bifurcation_set
+from test_diagrams import HENON, HENONS, Work, b, diagram
 if __name__ == "__main__":
-    bifurcation_set(HENON, (a, b), **HENONS, lines={{b: [-0.3, 0.1, 0.3]}}, store={store!r})
+    diagram(HENON, **HENONS, lines={{b: [-0.3, 0.1, 0.3]}}, work=Work(store={store!r}))
 """
 
 
@@ -362,7 +368,7 @@ def test_killed_again_and_again_it_ends_as_undisturbed(tmp_path, henon):
         if child.returncode == 0:
             break
     assert kills == 4 and child.returncode == 0
-    found = read_set(store)
+    found = read_diagram(store)
     assert [curve.kind for curve in found.curves] == [curve.kind for curve in henon.curves]
     for mine, yours in zip(found.curves, henon.curves):
         assert np.array_equal(mine.values, yours.values)
@@ -387,17 +393,15 @@ def test_pictures_have_a_label_for_every_kind(cascade, henon):
 @pytest.mark.parametrize(
     "argument, call",
     {
-        "parameter": lambda: diagram(LOGISTIC, "q", (0, 1), {x: 0.3}, **STROBED),
-        "range": lambda: diagram(LOGISTIC, a, (3, 2), {x: 0.3}, **STROBED),
-        "starts": lambda: diagram(LOGISTIC, a, (2, 3), {x: 0.3}),
-        "orbits": lambda: diagram(LOGISTIC, a, (2, 3), orbits=[3], **STROBED),
-        "lines": lambda: bifurcation_set(
-            HENON, (a, b), ((0, 1), (0, 1)), {x: 0, u: 0}, lines={b: [2]}, **STROBED
-        ),
-        "parameters": lambda: bifurcation_set(HENON, (a, a), ((0, 1), (0, 1)), {x: 0, u: 0}, **STROBED),
-        "ranges": lambda: bifurcation_set(HENON, (a, b), ((0, 1),), {x: 0, u: 0}, **STROBED),
+        "over": lambda: diagram(LOGISTIC, {"q": (0, 1)}, {x: 0.3}, seen=STROBED),
+        "over` of a": lambda: diagram(LOGISTIC, {a: (3, 2)}, {x: 0.3}, seen=STROBED),
+        "x0` has states": lambda: diagram(LOGISTIC, {a: (2, 3)}, {x: 0.3}),
+        "x0": lambda: diagram(LOGISTIC, {a: (2, 3)}, [3], seen=STROBED),
+        "lines": lambda: diagram(HENON, {a: (0, 1), b: (0, 1)}, {x: 0, u: 0}, lines={b: [2]}, seen=STROBED),
+        "over` names none": lambda: diagram(HENON, {}, {x: 0, u: 0}, seen=STROBED),
+        "lines` are": lambda: diagram(HENON, {a: (0, 1)}, {x: 0, u: 0}, lines={b: [0]}, seen=STROBED),
     }.items(),
 )
 def test_what_cannot_be_is_refused_by_name(argument, call):
-    with pytest.raises((ValueError, TypeError), match=f"`{argument}`"):
+    with pytest.raises((ValueError, TypeError), match=f"`{argument}"):
         call()

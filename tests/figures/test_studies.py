@@ -110,7 +110,7 @@ def test_the_references_of_gradients_are_those_of_the_runs(scene):
     system, motion = gradients.SCENES[scene]()
     names = [s.name for s in motion.names]
     exact, events = gradients.reference(scene, motion.values)
-    run = gradients.solve(system, (0, motion.end), motion.start, with_respect_to=names, rtol=1e-13, atol=1e-15)
+    run = gradients.solve(system, (0, motion.end), motion.start, by=names, rtol=1e-13, atol=1e-15)
     assert len(run.events) == events
     assert run.derivatives.end[0] == pytest.approx(exact, abs=1e-12 * abs(exact).max())
 

@@ -5,7 +5,7 @@
 A case is its number: it draws up to three files and what becomes of each. A store must then give the bits of the
 undamaged one, or an error that names the store and a remedy; a cache must give the bits of an undamaged one, without a
 signal. A failure prints the case; `--stores 1 --first 17` runs one again.
-tests/sweep/test_damage.py runs a few of them.
+tests/studies/test_damage.py runs a few of them.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from pathlib import Path
 import numpy as np
 import sympy as sp
 
-from pwsmooth import Switch, System, sweep
+from pwsmooth import Strobe, Switch, System, sweep
 from pwsmooth.codegen.machine import cache
-from pwsmooth.sweep import read_store
+from pwsmooth.studies import Work, read_store
 
 PAGE = 4096
 
@@ -103,8 +103,9 @@ def _run(store=None):
         {y: v, v: -sigma * sp.sin(t) - k * y - v / 10 - Switch("lam", v)}, time=t, parameters={k: 3, sigma: 2}
     )
     return sweep(
-        block, {"k": [2.0, 3.0, 4.5], "sigma": [1.2, 1.8, 2.4, 3.1]}, start={"y": 0.5, "v": 0.3}, period=2 * sp.pi,
-        transient=2, periods=8, chunk=2, workers=1, store=store, progress=False,
+        block, {"k": [2.0, 3.0, 4.5], "sigma": [1.2, 1.8, 2.4, 3.1]}, x0={"y": 0.5, "v": 0.3},
+        seen=Strobe(2 * sp.pi),
+        transient=2, periods=8, work=Work(workers=1, chunk=2, store=store, progress=False),
         measures=["itinerary", "sticks", "period", "amplitude(y)", "points(y)"],
     )  # fmt: skip
 

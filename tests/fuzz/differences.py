@@ -174,7 +174,7 @@ def play(scene, seed):
     made = case(scene, seed)
     label = scene.name.split()[0]
     try:
-        solution = run(scene, made, made.values, with_respect_to=[*scene.ranges, "t0"])
+        solution = run(scene, made, made.values, by=[*scene.ranges, "t0"])
     except Exception as error:  # what a solve raises is a finding
         return Verdict(WRONG, f"{scene.name}: raised {type(error).__name__}: {error}"[:200])
     base = look(scene, made, solution)

@@ -35,15 +35,16 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "docs"))
 import public_names
 
 import pwsmooth
-from pwsmooth import Diffusion, Event, Family, Kicks, Switch, System, costs, scenes, solve
+from pwsmooth import Diffusion, Event, Family, Kicks, Switch, System, costs, scenes, solve, studies
+from pwsmooth.analysis.continuation import Steps
 from pwsmooth.analysis.maps import sections
 from pwsmooth.analysis.sticking import regions as sticking
-from pwsmooth.explore import opening
-from pwsmooth.fit import Record, fit
+from pwsmooth.explorer import opening
+from pwsmooth.fitting import Record, fit
 from pwsmooth.laws import Joint, contact, friction
 from pwsmooth.paths.derivatives.of_solution import NoDerivative
 from pwsmooth.scenes import sketch
-from pwsmooth.sweep import make_plan, study
+from pwsmooth.studies import Work, make_plan, study
 
 SECONDS = 5.0  # of processor time in a call
 t, x, v, k, z = sp.symbols("t x v k z", real=True)
@@ -60,13 +61,14 @@ NO_DOORS = (
 INSIDE = {
     "pwsmooth.diagrams.BifurcationSet", "pwsmooth.diagrams.Diagram", "pwsmooth.diagrams.Found",
     "pwsmooth.diagrams.Meeting",
-    "pwsmooth.Solution", "pwsmooth.analysis.continuation.bifurcations_between", "pwsmooth.results.records.EventLog",
-    "pwsmooth.fit.Combination", "pwsmooth.fit.Comparison", "pwsmooth.fit.Fit", "pwsmooth.fit.Identifiability",
-    "pwsmooth.fit.Iteration", "pwsmooth.fit.Profile", "pwsmooth.costs.Evaluation", "pwsmooth.costs.Gradient",
+    "pwsmooth.Solution", "pwsmooth.results.records.EventLog",
+    "pwsmooth.fitting.Combination", "pwsmooth.fitting.Comparison", "pwsmooth.fitting.Fit",
+    "pwsmooth.fitting.Identifiability",
+    "pwsmooth.fitting.Iteration", "pwsmooth.fitting.Profile", "pwsmooth.costs.Evaluation", "pwsmooth.costs.Gradient",
     "pwsmooth.costs.Minimum", "pwsmooth.costs.Quantity",
     "pwsmooth.paths.derivatives.Derivatives", "pwsmooth.paths.derivatives.EventDerivative",
     "pwsmooth.paths.derivatives.NoDerivative",
-    "pwsmooth.laws.law", "pwsmooth.sweep.Amplitude", "pwsmooth.sweep.Extremes", "pwsmooth.sweep.Statistics",
+    "pwsmooth.laws.law", "pwsmooth.studies.Amplitude", "pwsmooth.studies.Extremes", "pwsmooth.studies.Statistics",
 }  # fmt: skip
 
 
@@ -162,17 +164,17 @@ def subjects():
     opening.serve = lambda explorer: None  # show=True is a value: no page is opened while doors are tried
     run = solve(system, (0, 3), start, dense_output=True)
     scene = scenes.friction_oscillator(friction.Coulomb(), t_span=(0, 1))
-    orbit = pwsmooth.find_orbit(system, start, period=drive, transient=20)
+    orbit = pwsmooth.find_orbit(system, start, seen=pwsmooth.Strobe(drive), transient=20)
     jump = Event(every=1, update={x: k * x * (1 - x) - z * x})
     logistic = pwsmooth.find_orbit(
-        System({x: 0 * x}, time=t, parameters={k: 2.9, z: 0}, events=[jump]), {x: 0.6}, period=1
+        System({x: 0 * x}, time=t, parameters={k: 2.9, z: 0}, events=[jump]), {x: 0.6}, seen=pwsmooth.Strobe(1)
     )
-    (flip,) = pwsmooth.follow(logistic, k, 3.1).of_kind("flip")
+    (flip,) = pwsmooth.follow(logistic, {k: 3.1}).of_kind("flip")
     mapped = System({x: 0 * x}, time=t, parameters={k: 2.9, z: 0}, events=[jump])
     pulled = System({x: k / 4 - Switch("lam", x)}, parameters={k: 1})
     wave = System({x: v, v: (k - x**2) * v - x}, parameters={k: -0.5})
-    (hopf,) = pwsmooth.follow(pwsmooth.find_equilibrium(wave, {x: 0, v: 0}), k, 0.5).of_kind("Hopf")
-    record = Record(np.linspace(0, 1, 9), {"x": np.linspace(1, 1.1, 9)}, start=start)
+    (hopf,) = pwsmooth.follow(pwsmooth.find_equilibrium(wave, {x: 0, v: 0}), {k: 0.5}).of_kind("Hopf")
+    record = Record(np.linspace(0, 1, 9), {"x": np.linspace(1, 1.1, 9)}, x0=start)
     fitted = fit(system, record, ["k"], max_runs=2)
     strobe = sections.Stroboscopic(system, drive, options=short)
     section = sections.Section(free, surface=v, direction=-1, options=short)
@@ -181,7 +183,14 @@ def subjects():
     kicks = Kicks(0.01, every=0.5, on="v")
     white = Diffusion({v: 0.1}, step=1 / 16)
     times = np.linspace(0, 1, 21)
-    many = {"start": start, "period": drive, "transient": 1, "periods": 2, "measures": ["period"], **short}
+    many = {
+        "x0": start,
+        "seen": pwsmooth.Strobe(drive),
+        "transient": 1,
+        "periods": 2,
+        "measures": ["period"],
+        **short,
+    }
     motion = np.sin(6 * times)
     word = {"velocity": v}
     out = tempfile.mkdtemp()
@@ -189,21 +198,22 @@ def subjects():
     path.write_text("[system]\nscene = 'friction_oscillator'\nlaw = 'Coulomb'\n[axes]\nspring = [1.0]\n")
     loaded = study.read_study(path)
     saved = str(Path(out) / "saved.zarr")
-    pwsmooth.diagram(mapped, k, (2.5, 2.9), {"x": 0.6}, 1, phase=0.5, values=2, points=20, store=saved)
+    seen = pwsmooth.Strobe(1, phase=0.5)
+    few, kept = Steps(max_points=20), Work(store=saved)
+    pwsmooth.diagram(mapped, {k: (2.5, 2.9)}, {"x": 0.6}, seen, values=2, steps=few, work=kept)
     saddle = pwsmooth.find_equilibrium(System({x: v, v: x}), {x: 0, v: 0})
     through = System({x: 1, v: -x, z: -v - Switch("lam", z)})
     stored = str(Path(out) / "stored.zarr")
-    pwsmooth.sweep(system, {"k": [1.0]}, start=start, t_span=(0, 1), measures=["counts"], store=stored)
+    pwsmooth.sweep(system, {"k": [1.0]}, x0=start, t_span=(0, 1), measures=["counts"], work=Work(store=stored))
     given = {
         "System": dict(
             rates={x: v, v: -k * x}, time=t, parameters={k: 1}, outputs={"a": x}, events=[Event(x - 9)]
         ),
-        "HiddenTerm": None,
         "explore": dict(
             system_or_scene=system,
             x0=start,
             t_span=(0, 3),
-            period=drive,
+            seen=pwsmooth.Strobe(drive),
             ranges={k: (1, 2)},
             noise=kicks,
             show=False,
@@ -236,22 +246,26 @@ def subjects():
         "sweep": dict(
             system=system, axes={"k": [1.0, 2.0]}, units={"k": "N/m"}, rtol=1e-9, method="auto", **many
         ),
-        "find_orbit": dict(system=system, x0=start, period=drive, symmetry={x: -x, v: -v}, rtol=1e-12, **short),
-        "follow": dict(orbit=orbit, parameter=k, to=1.01, most=5),
+        "Strobe": dict(period=drive, phase=0.5, symmetry={x: -x, v: -v}),
+        "Return": dict(section=v, direction=-1, longest=20.0),
+        "find_orbit": dict(
+            system=system, x0=start, seen=pwsmooth.Strobe(drive, symmetry={x: -x, v: -v}), rtol=1e-12, **short
+        ),
+        "follow": dict(start=orbit, over={k: 1.01}, steps=Steps(max_points=5)),
         "find_equilibrium": dict(system=pulled, x0={"x": 0.2}, sides={"lam": 0}),
         "equilibria": dict(system=pulled, box={"x": (-1.0, 1.0)}, sides={"lam": 0}, starts=8),
-        "manifold": dict(saddle=saddle, kind="stable", length=0.5, box={x: (-2, 2), v: (-2, 2)}, most=50),
+        "manifold": dict(saddle=saddle, kind="stable", length=0.5, box={x: (-2, 2), v: (-2, 2)}, max_points=50),
         "sliding_portrait": dict(
             system=through, switch="lam", box={x: (-1.0, 1.0), v: (-1.0, 1.0)}, at={}, points=5
         ),
         "make_plan": dict(system=system, axes={"k": [1.0, 2.0]}, units={"k": "N/m"}, **many),
-        "sweep.refine": dict(
+        "studies.refine": dict(
             plan=make_plan(system, {"k": [1.0, 2.0]}, **many),
             order=[1, 0],
-            budget=1.0,
+            max_seconds=1.0,
             settle=1e-6,
         ),
-        "sweep.SweepPlan": None,  # of make_plan
+        "studies.SweepPlan": None,  # of make_plan
         "Sketch": dict(shapes=[sketch.Ball("b", x, 0, 1)], bounds=(-1, 1, -1, 1), note="n"),
         "chain_of_blocks": dict(positions=["x", "v"], spacing=1.0, switches=["l", "m"]),
         "Arrow": dict(name="a", x=x, y=0, dx=v, dy=1),
@@ -267,67 +281,67 @@ def subjects():
         "refine_basins": dict(
             system=system,
             axes={"x": [0.0, 1.0]},
-            period=drive,
-            start={"v": 0.0},
+            seen=pwsmooth.Strobe(drive),
+            x0={"v": 0.0},
             transient=5,
-            longest=2,
-            budget=1.0,
+            max_count=2,
+            max_seconds=1.0,
             **short,
         ),
-        "sweep.Cost": dict(name="J", cost=costs.final(x), unit="m"),
-        "sweep.read_store": dict(path=stored),
+        "studies.Cost": dict(name="J", cost=costs.final(x), unit="m"),
+        "studies.read_store": dict(path=stored),
         "cycle_from": dict(hopf=hopf, amplitude=0.05, **short),
         "lyapunov_exponents": dict(system=system, x0=start, time=5.0, rtol=1e-9, **short),
         "basins": dict(
             system=system,
             axes={"x": [0.0, 1.0]},
-            period=drive,
-            start={"v": 0.0},
+            seen=pwsmooth.Strobe(drive),
+            x0={"v": 0.0},
             transient=5,
-            longest=2,
+            max_count=2,
             **short,
         ),
         "orbit_diagram": dict(
             system=system,
             parameter=k,
             values=[1.0, 2.0],
-            start=start,
-            period=drive,
+            x0=start,
+            seen=pwsmooth.Strobe(drive),
             transient=3,
             keep=2,
             **short,
         ),
         "diagram": dict(
             system=mapped,
-            parameter=k,
-            range=(2.5, 2.9),
-            starts={"x": 0.6},
-            period=1,
-            phase=0.5,
+            over={k: (2.5, 2.9)},
+            x0={"x": 0.6},
+            seen=pwsmooth.Strobe(1, phase=0.5),
             values=2,
-            points=20,
-            symmetry=None,
-            orbits=[],
+            steps=Steps(max_points=20),
             **short,
         ),
-        "bifurcation_set": dict(
-            system=mapped,
-            parameters=(k, z),
-            ranges=((2.5, 2.9), (-0.1, 0.1)),
-            starts={"x": 0.6},
-            period=1,
-            phase=0.5,
-            values=2,
-            points=20,
-            lines={z: [0.0]},
-            **short,
+        "diagram over two": (
+            pwsmooth.diagram,
+            dict(
+                system=mapped,
+                over={k: (2.5, 2.9), z: (-0.1, 0.1)},
+                x0={"x": 0.6},
+                seen=pwsmooth.Strobe(1, phase=0.5),
+                values=2,
+                steps=Steps(max_points=20),
+                lines={z: [0.0]},
+                **short,
+            ),
         ),
+        "Steps": dict(first=0.01, longest=0.1, shortest=1e-6, max_points=5),
+        "Work": dict(workers=2, chunk=3, store=stored, progress=False),
         "read_diagram": dict(path=saved),
-        "read_set": dict(path=saved),
-        "bifurcations_between": None,  # between points of a walk, which is made inside
         "capture_threshold": dict(rho=3.0, ratio=1.0),
         "critical_ratio": dict(rho=3.0),
-        "follow_curve": dict(start=flip, ranges={k: (2.5, 3.5), z: (-0.5, 0.5)}, virtual=False, most=3),
+        "follow over two": (
+            pwsmooth.follow,
+            dict(start=flip, over={k: (2.5, 3.5), z: (-0.5, 0.5)}, virtual=False, steps=Steps(max_points=3)),
+        ),
         "branch_off": dict(bifurcation=flip, amplitude=0.05),
         "change_between": dict(one=orbit, other=orbit),
         "same_itinerary": dict(one=orbit, other=orbit),
@@ -340,9 +354,8 @@ def subjects():
         "fold": dict(gamma=1 - z**2, lam=z, rho=3),
         "linear_sticking": dict(drive=0, stiffness=1, load=1),
         "nonlinear_sticking": dict(drive=0, stiffness=1, load=1, gamma=1 - z**2, lam=z, rho=3),
-        "symmetry_matrix": dict(system=system, symmetry={x: -x, v: -v}, period=2 * math.pi),
         "variations": dict(solution=run, parameters=["k"]),
-        "fit": dict(system=system, records=record, parameters=["k"], max_runs=2),
+        "fit": dict(system=system, records=record, by=["k"], max_runs=2),
         "fit_law": dict(
             law=friction.Coulomb(sigma2=0.1),
             t=times,
@@ -352,7 +365,7 @@ def subjects():
             max_runs=2,
         ),
         "fit.compare": dict(fits={"one": fitted}),
-        "Record": dict(t=times, values={"x": np.cos(times)}, noise=0.1, start=start, unknown=["v"]),
+        "Record": dict(t=times, values={"x": np.cos(times)}, noise=0.1, x0=start, unknown=["v"]),
         "laws.Joint": dict(v=v),
         "law": None,
         "parameter": dict(default=1.0, unit="N", meaning="force"),
@@ -400,14 +413,14 @@ def subjects():
     }
     cost = costs.final(x) + costs.integral(x * v)
     given |= {
-        "Objective": dict(system=system, cost=cost, t_span=(0, 1), x0=start, with_respect_to=["k", "x"]),
-        "value_and_gradient": dict(system=system, cost=cost, t_span=(0, 1), x0=start, with_respect_to=["k"]),
+        "Objective": dict(system=system, cost=cost, t_span=(0, 1), x0=start, by=["k", "x"]),
+        "value_and_gradient": dict(system=system, cost=cost, t_span=(0, 1), x0=start, by=["k"]),
         "minimise": dict(
             system=system,
             cost=cost,
             t_span=(0, 1),
             x0=start,
-            over=["k"],
+            by=["k"],
             bounds={"k": (0.5, 2.0)},
             constraints=[costs.final(x) >= 0.1],
             max_evaluations=3,
@@ -426,7 +439,7 @@ def subjects():
     for name in ("Amplitude", "Extremes", "Statistics"):
         given[name] = None  # *names
     for name in INSIDE:
-        if name.startswith(("pwsmooth.fit", "pwsmooth.costs", "pwsmooth.paths.derivatives.of_solution")):
+        if name.startswith(("pwsmooth.fitting", "pwsmooth.costs", "pwsmooth.paths.derivatives.of_solution")):
             given[name.rsplit(".", 1)[1]] = None
     for scene_name in (
         "block_on_belt",
@@ -495,7 +508,7 @@ def subjects():
             dict(
                 system=system,
                 axes={"x": [1.0]},
-                start={"v": 0},
+                x0={"v": 0},
                 t_span=(0, 1),
                 measure_from=0.5,
                 measures=["counts"],
@@ -507,7 +520,7 @@ def subjects():
             dict(
                 system=system,
                 axes={"seed": [1]},
-                start=start,
+                x0=start,
                 t_span=(0, 1),
                 noise=kicks,
                 measures=["points"],
@@ -515,26 +528,24 @@ def subjects():
             ),
         ),
         "ensemble kicks": (
-            pwsmooth.ensemble,
+            studies.ensemble,
             dict(system=free, t_span=(0, 1), x0=start, noise=kicks, count=2, **short),
         ),
         "follow equilibrium": (
             pwsmooth.follow,
-            dict(orbit=pwsmooth.find_equilibrium(pulled, {"x": 0.2}), parameter=k, to=5, most=5),
+            dict(start=pwsmooth.find_equilibrium(pulled, {"x": 0.2}), over={k: 5}, steps=Steps(max_points=5)),
         ),
         "find_orbit section": (
             pwsmooth.find_orbit,
-            dict(system=free, x0=start, section=v, direction=-1, count=1, **short),
+            dict(system=free, x0=start, seen=pwsmooth.Return(v, direction=-1), count=1, **short),
         ),
         "sweep section": (
             pwsmooth.sweep,
             dict(
                 system=free,
                 axes={"x": [1.0, 2.0]},
-                start=start,
-                section=v,
-                direction=-1,
-                longest_return=20.0,
+                x0=start,
+                seen=pwsmooth.Return(v, direction=-1, longest=20.0),
                 transient=2,
                 periods=2,
                 measures=["period", "points"],
@@ -546,23 +557,21 @@ def subjects():
             dict(
                 system=free,
                 axes={"x": [1.0]},
-                start={"v": 0.0},
-                section=v,
-                direction=-1,
-                longest_return=20.0,
+                x0={"v": 0.0},
+                seen=pwsmooth.Return(v, direction=-1, longest=20.0),
                 transient=5,
-                longest=2,
+                max_count=2,
                 **short,
             ),
         ),
         "orbit_diagram carried": (
-            pwsmooth.orbit_diagram,
+            studies.orbit_diagram,
             dict(
                 system=system,
                 parameter=k,
                 values=[1.0],
-                start=start,
-                period=drive,
+                x0=start,
+                seen=pwsmooth.Strobe(drive),
                 transient=3,
                 keep=2,
                 carry=True,

@@ -26,7 +26,7 @@ import mpmath
 import numpy as np
 import sympy as sp
 
-from pwsmooth import Event, System, find_orbit
+from pwsmooth import Event, Strobe, System, find_orbit
 from tests.fuzz.judging import REFUSED, RIGHT, WRONG, Verdict
 
 ANOTHER = "another"
@@ -107,7 +107,7 @@ def play(seed: int, resets: bool, growth: float) -> tuple[Verdict, np.ndarray]:
     """The verdict on one system, and its multipliers."""
     planted, rng = Planted(seed, resets, growth), np.random.default_rng([1, seed])
     x, exact = planted.at(2 * np.pi * PHASE), planted.multipliers()
-    orbit = find_orbit(planted.system, x + 1e-6 * rng.normal(size=len(x)), period=2 * sp.pi, phase=PHASE)
+    orbit = find_orbit(planted.system, x + 1e-6 * rng.normal(size=len(x)), seen=Strobe(2 * sp.pi, phase=PHASE))
     if not orbit.success:
         return Verdict(REFUSED), exact
     if np.abs(orbit.x - x).max() > 1e-8:

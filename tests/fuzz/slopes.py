@@ -448,7 +448,7 @@ def play(played, seed):
     try:
         solution = judging.solve(
             played.system, (made.t0, float(made.instants[-1])), made.start.tolist(), t_eval=made.instants,
-            parameters=made.parameters(played.known), with_respect_to=names, **made.options,
+            parameters=made.parameters(played.known), by=names, **made.options,
         )  # fmt: skip
         return judge(M, made, found, expected, solution, names, judged, seed)
     except Exception as error:  # what a solve raises is a finding
@@ -606,7 +606,7 @@ def script(number, seed):
     made = case(M, seed)
     _, known = M.system()
     names, found = quantities(M, known), way(M, made)
-    text = models.script(M, made).replace("t_eval=instants", f"t_eval=instants, with_respect_to={names}")
+    text = models.script(M, made).replace("t_eval=instants", f"t_eval=instants, by={names}")
     expected = slopes(M, made, found, names)
     return "\n".join([
         text, "print(s.derivatives.problems)", "print(s.derivatives.x[..., -1])",

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from paper_figures import making as figures
 from pwsmooth.cli import app
 from pwsmooth.codegen.machine import units
-from pwsmooth.sweep.study import Names, StudyError
+from pwsmooth.studies.study import Names, StudyError
 
 
 @pytest.fixture
@@ -89,7 +89,7 @@ def test_python_minus_m_is_the_same_command(run, arguments, code):
 
 def test_the_help_of_a_sweep_describes_the_file(run):
     """Its example is a study, and every key of a study stands in it."""
-    from pwsmooth.sweep.study import Study, SystemTable
+    from pwsmooth.studies.study import Study, SystemTable
 
     text = run("sweep", "--help").output
     example = re.search(r"An\s+example:\s(.*?)Keys\s+of\s+the\s+file:", text, flags=re.DOTALL)[1]

@@ -85,6 +85,6 @@ def test_the_rules_ask_for_the_source_of_what_the_literature_has():
 
     assert "no source" in told("pwsmooth.laws.friction.example", "A force.")
     assert "source" not in told("pwsmooth.laws.friction.example", "Source: Coulomb 1785.")
-    assert "source" not in told("pwsmooth.sweep.example", "A number.")
-    assert "it cites outside" in told("pwsmooth.sweep.example", "After Coulomb 1785.")
-    assert "a source that is none" in told("pwsmooth.sweep.example", "Source: defined here.")
+    assert "source" not in told("pwsmooth.studies.example", "A number.")
+    assert "it cites outside" in told("pwsmooth.studies.example", "After Coulomb 1785.")
+    assert "a source that is none" in told("pwsmooth.studies.example", "Source: defined here.")

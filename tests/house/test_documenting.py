@@ -100,7 +100,7 @@ def test_a_name_is_imported_from_where_the_module_itself_stands():
     # `Joint` is a part of a sketch and the contract's joint; `refine` goes for an orbit and for a sweep.
     assert documenting._home("Joint", "pwsmooth.scenes.sketch") == "pwsmooth.scenes.sketch"
     assert documenting._home("Joint", "pwsmooth.laws.joint") == "pwsmooth.laws"
-    assert documenting._home("refine", "pwsmooth.sweep.refining") == "pwsmooth.sweep"
+    assert documenting._home("refine", "pwsmooth.studies.refining") == "pwsmooth.studies"
     assert documenting._home("System", "pwsmooth.system") == "pwsmooth"
 
 

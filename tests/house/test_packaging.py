@@ -75,7 +75,7 @@ def test_a_plain_wheel_serves_every_platform_and_has_the_modules_that_there_are(
     package = ROOT / "pwsmooth"
     sources = {f"pwsmooth/{path.relative_to(package).as_posix()}" for path in package.rglob("*.py")}
     assert {name for name in packed if name.endswith(".py")} == sources
-    static = {f"pwsmooth/explore/static/{path.name}" for path in (package / "explore/static").iterdir()}
+    static = {f"pwsmooth/explorer/static/{path.name}" for path in (package / "explorer/static").iterdir()}
     assert static and not static - packed
     assert not any("_compiled" in name for name in packed)
 

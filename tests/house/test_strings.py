@@ -12,7 +12,20 @@ from typer.testing import CliRunner
 
 import pwsmooth
 import pwsmooth.door.checks
-from pwsmooth import Algebraic, Diffusion, Event, Family, Kicks, Memory, Switch, System, Unilateral, scenes
+from pwsmooth import (
+    Algebraic,
+    Diffusion,
+    Event,
+    Family,
+    Kicks,
+    Memory,
+    Switch,
+    System,
+    Unilateral,
+    scenes,
+    studies,
+)
+from pwsmooth.analysis.lyapunov import lyapunov_exponents
 from pwsmooth.analysis.maps.sections import Section, Stroboscopic
 from pwsmooth.analysis.maps.symmetry import symmetry_matrix
 from pwsmooth.analysis.sticking import regions as sticking
@@ -34,7 +47,7 @@ elements = Family(3)
 
 
 def orbit(**given):
-    return pwsmooth.find_orbit(SYSTEM, START, **{"period": 2 * sp.pi, **given})
+    return pwsmooth.find_orbit(SYSTEM, START, pwsmooth.Strobe(**{"period": 2 * sp.pi, **given}))
 
 
 def pendulum():
@@ -45,25 +58,33 @@ def pendulum():
 
 
 def sweep(**given):
-    usual = {"start": START, "period": 2 * sp.pi, "transient": 1, "periods": 1, "measures": ["period"]}
+    usual = {
+        "x0": START,
+        "seen": pwsmooth.Strobe(2 * sp.pi),
+        "transient": 1,
+        "periods": 1,
+        "measures": ["period"],
+    }
     return pwsmooth.sweep(SYSTEM, {"k": [1.0]}, **usual | given)
 
 
 DOORS = {
-    "period of sweep": lambda s: sweep(period=s),
-    "axes of sweep": lambda s: pwsmooth.sweep(SYSTEM, {s: [1.0]}, period=1),
-    "values of an axis": lambda s: pwsmooth.sweep(SYSTEM, {"k": [s]}, period=1),
-    "start of sweep": lambda s: sweep(start={"x": s, "v": 0}),
+    "period of sweep": lambda s: sweep(seen=pwsmooth.Strobe(s)),
+    "axes of sweep": lambda s: pwsmooth.sweep(SYSTEM, {s: [1.0]}, seen=pwsmooth.Strobe(1)),
+    "values of an axis": lambda s: pwsmooth.sweep(SYSTEM, {"k": [s]}, seen=pwsmooth.Strobe(1)),
+    "start of sweep": lambda s: sweep(x0={"x": s, "v": 0}),
     "measures": lambda s: sweep(measures=[s]),
     "quantities of a measure": lambda s: sweep(measures=[f"amplitude({s})"]),
     "units": lambda s: sweep(units={"x": s}),
     "noise of sweep": lambda s: sweep(noise=s),
-    "period of basins": lambda s: pwsmooth.basins(SYSTEM, {"x": [1.0]}, s, start={"v": 0}),
-    "period of orbit_diagram": lambda s: pwsmooth.orbit_diagram(SYSTEM, "k", [1.0], START, s),
-    "period of a carried diagram": lambda s: pwsmooth.orbit_diagram(SYSTEM, "k", [1.0], START, s, carry=True),
-    "parameter of orbit_diagram": lambda s: pwsmooth.orbit_diagram(SYSTEM, s, [1.0], START, 1),
+    "period of basins": lambda s: pwsmooth.basins(SYSTEM, {"x": [1.0]}, pwsmooth.Strobe(s), x0={"v": 0}),
+    "period of orbit_diagram": lambda s: studies.orbit_diagram(SYSTEM, "k", [1.0], START, pwsmooth.Strobe(s)),
+    "period of a carried diagram": lambda s: studies.orbit_diagram(
+        SYSTEM, "k", [1.0], START, pwsmooth.Strobe(s), carry=True
+    ),
+    "parameter of orbit_diagram": lambda s: studies.orbit_diagram(SYSTEM, s, [1.0], START, pwsmooth.Strobe(1)),
     "period of find_orbit": lambda s: orbit(period=s),
-    "section": lambda s: pwsmooth.find_orbit(FREE, START, section=s),
+    "section": lambda s: pwsmooth.find_orbit(FREE, START, seen=pwsmooth.Return(s)),
     "symmetry": lambda s: orbit(symmetry={x: s, v: -v}),
     "key of a symmetry": lambda s: orbit(symmetry={s: -x, v: -v}),
     "symmetry_matrix": lambda s: symmetry_matrix(SYSTEM, {x: s}, 1.0),
@@ -75,7 +96,7 @@ DOORS = {
     "name of a parameter": lambda s: pwsmooth.solve(SYSTEM, (0, 1), START, parameters={s: 1}),
     "tolerances": lambda s: pwsmooth.solve(SYSTEM, (0, 1), START, rtol=s),
     "method": lambda s: pwsmooth.solve(SYSTEM, (0, 1), START, method=s),
-    "time of exponents": lambda s: pwsmooth.lyapunov_exponents(SYSTEM, START, s),
+    "time of exponents": lambda s: lyapunov_exponents(SYSTEM, START, s),
     "rates": lambda s: System({x: s}),
     "a state's name": lambda s: pwsmooth.solve(System({s: -1}), (0, 1), [1])[s],
     "outputs": lambda s: System({x: -x}, outputs={"a": s}),
@@ -136,8 +157,8 @@ DOORS = {
     "force": lambda s: scenes.force_driven(Coulomb(), s),
     "normal": lambda s: scenes.force_driven(Coulomb(), 1, normal=s),
     "parameters of a force": lambda s: scenes.force_driven(Coulomb(), k, parameters={k: s}),
-    "start of assemble": lambda s: scenes.assemble({x: v}, Dahl().attach(velocity=v), start={x: s, v: 1}),
-    "start of a scene": lambda s: scenes.friction_oscillator(Coulomb(), start=(s, 0)),
+    "start of assemble": lambda s: scenes.assemble({x: v}, Dahl().attach(velocity=v), x0={x: s, v: 1}),
+    "start of a scene": lambda s: scenes.friction_oscillator(Coulomb(), x0=(s, 0)),
     "parameters of a scene": lambda s: scenes.pressed_block(Hertz(), k, parameters={k: s}),
 }  # fmt: skip
 
@@ -157,7 +178,7 @@ def test_text_is_not_run(door, tmp_path):
 SCENE = "[system]\nscene = 'block_on_belt'\nlaw = 'Coulomb'\n"
 AXES = "[axes]\nspring = [1.0]\n"
 STUDY = {
-    "period": "period = {text}\n" + SCENE + AXES,
+    "period": "seen = {{ period = {text} }}\n" + SCENE + AXES,
     "measures": "measures = [{text}]\n" + SCENE + AXES,
     "scene": "[system]\nscene = {text}\nlaw = 'Coulomb'\n" + AXES,
     "law": "[system]\nscene = 'block_on_belt'\nlaw = {text}\n" + AXES,

@@ -205,7 +205,7 @@ def test_effective_restitution_depends_on_eta_alone():
     for law, other, speed in cases:
         scene = free_impact(law, speed=1.0)
         for c_r in (0.3, 0.9):
-            start = dict(scene.start) | {"v": speed, "speed": speed}
+            start = dict(scene.x0) | {"v": speed, "speed": speed}
             scale = maximal_indentation(1e5, 1.5, 1, speed) if isinstance(law, HertzImpact) else 1e-7 * speed
             atol = [1e-13 * scale, 1e-15 * speed, 1e-15]
             solution = scene.solve((0, 1), start, parameters={"c_r": c_r, **other}, rtol=1e-12, atol=atol)
@@ -311,7 +311,7 @@ def test_no_law_creates_energy_over_random_drops(name):
     for _ in range(6):
         law, speed, height = LAWS[name](random), random.uniform(0, 2), 10 ** random.uniform(-2, 0)
         scene = falling_ball(law, height=height, m=random.uniform(0.2, 3), g=random.uniform(0.5, 10))
-        solution = scene.solve((0, 1.5), dict(scene.start) | {"v": speed}, rtol=1e-10, atol=1e-14)
+        solution = scene.solve((0, 1.5), dict(scene.x0) | {"v": speed}, rtol=1e-10, atol=1e-14)
         assert solution.success
         energy = solution["energy"]
         whole = energy.max() - energy.min() + abs(energy[0]) + solution.parameters["mass"] * speed**2
@@ -356,7 +356,7 @@ def test_the_impact_oscillator_grazes_at_its_closed_form_amplitude():
         # On the steady motion from the start: x = factor d cos(omega t - lag).
         start = factor * d * math.cos(lag), factor * d * omega * math.sin(lag)
         scene = impact_oscillator(
-            Hertz(K=100.0), d=d, k=k, c=c, amplitude=factor * critical, omega=omega, start=start
+            Hertz(K=100.0), d=d, k=k, c=c, amplitude=factor * critical, omega=omega, x0=start
         )
         solution = scene.solve((0, 30))
         assert bool(len(solution.event_times("reset", "touch-down"))) is touches
@@ -390,7 +390,7 @@ def test_a_touch_down_below_the_floor_is_reported_and_latches_the_floor():
         (lambda: free_impact(Hertz(), speed=0), "`speed` is 0; give a number > 0"),
         (lambda: free_impact(Hertz(), approach=-1), "`approach` is -1; give a number >= 0"),
         (lambda: falling_ball(Hertz(), height=-0.1), "`height` is -0.1"),
-        (lambda: impact_oscillator(Hertz(), start=(2, 0)), "inside the stop"),
+        (lambda: impact_oscillator(Hertz(), x0=(2, 0)), "inside the stop"),
         (lambda: Hertz().attach(velocity=sp.Symbol("v")), "needs the position"),
     ],
 )

@@ -102,9 +102,9 @@ def test_two_laws_of_one_system_need_names():
     rates = {x: v, v: -one.force, y: w, w: -two.force}
     start = dict.fromkeys(rates, 1.0)
     with pytest.raises(ValueError, match=r"use the name z; .*attach\(name=...\)"):
-        assemble(rates, [one, two], start=start)
+        assemble(rates, [one, two], x0=start)
     two = friction.Dahl(F_c=2).attach(velocity=w, name="rear")
-    system, begin, _ = assemble({**rates, w: -two.force}, [one, two], start=start)
+    system, begin, _ = assemble({**rates, w: -two.force}, [one, two], x0=start)
     assert set(begin) == {"x", "v", "y", "w", "z", "z_rear"}
     assert {str(p) for p in system.parameters} == {"sigma0", "F_c", "sigma0_rear", "F_c_rear"}
 
@@ -141,7 +141,7 @@ def test_with_a_load_a_law_is_per_unit_of_it_and_forgets_its_deflection_where_it
 
 def test_changing_a_parameter_of_a_law_compiles_nothing_and_acts():
     scene = prescribed_motion(friction.Dahl(), position=3e-5 * sp.sin(t), t_span=(0, 2))
-    weak = solve(scene.system, (0, 2), scene.start, parameters={"F_c": 0.5}, t_eval=[1.5], atol=1e-18)
+    weak = solve(scene.system, (0, 2), scene.x0, parameters={"F_c": 0.5}, t_eval=[1.5], atol=1e-18)
     assert weak["force"][0] == pytest.approx(0.5 * (1 - math.exp(-2e5 * 3e-5 * math.sin(1.5))), rel=1e-7)
 
 
@@ -151,7 +151,7 @@ def test_every_law_drives_every_kind_of_scene(kind):
     few = {name: value[:2] for name, value in kind().values.items() if isinstance(value, tuple)}
     law_ = kind(**few)
     oscillator = friction_oscillator(law_, k=1e-3 / unit, m=1.0, amplitude=3.0, omega=2.0, t_span=(0, 0.5),
-                                     start=(0.0, 1e-3))  # fmt: skip
+                                     x0=(0.0, 1e-3))  # fmt: skip
     pushed = force_driven(law_, 0.5 * sp.sin(t), t_span=(0, 0.5))
     for scene in (oscillator, pushed):
         run = scene.solve()

@@ -18,7 +18,7 @@ def test_the_multistate_law_is_a_lagging_filter_of_the_stribeck_curve_while_all_
     law = MultistateXKY(kappa=(2.5, 1.0), share=(0.5, 0.5), sigma=0.01, tau_d=0.05)
     scene = prescribed_motion(law, velocity=20.0, t_span=(0, 0.5))
     g = 1 + np.exp(-((20 / 8) ** 2))
-    start = {**scene.start, "s": 1.8, "a_1": 0.9 / 2.5, "a_2": 0.9}
+    start = {**scene.x0, "s": 1.8, "a_1": 0.9 / 2.5, "a_2": 0.9}
     times = np.array([0.02, 0.1, 0.3])
     force = scene.solve(x0=start, t_eval=times)["force"]
     assert force == pytest.approx(g + (1.8 - g) * np.exp(-times / 0.05), rel=1e-8)

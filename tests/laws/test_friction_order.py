@@ -41,7 +41,7 @@ def test_the_event_driven_solution_is_what_small_steps_tend_to(name):
     scene = prescribed_motion(ODES[name], position=MOTION, t_span=(0, 0.9))
     run = scene.solve()
     assert run.success
-    begin = [scene.start[str(s)] for s in scene.system.states]
+    begin = [scene.x0[str(s)] for s in scene.system.states]
     # Steps of 0.3 ms through kinks: each costs about h^2 |jump of the slope|, 1e-7 of a strength of 1 N.
     plain = solve_ivp(right_hand_side(scene), (0, 0.9), begin, "DOP853", rtol=1e-10, atol=1e-18, max_step=3e-4)
     scale = SIZE if abs(run.x[-1, -1]) < 1e-3 else 1.0
@@ -94,7 +94,7 @@ def step_through(law, count):
     """Error of the force after `count` classical Runge-Kutta steps over the reversal, which they do not notice."""
     scene = prescribed_motion(law, velocity=REVERSAL, t_span=(0, END))
     exact = scene.solve(rtol=1e-13, order=24, max_step=2e-3)
-    f, x, h = right_hand_side(scene), np.array([scene.start[str(s)] for s in scene.system.states]), END / count
+    f, x, h = right_hand_side(scene), np.array([scene.x0[str(s)] for s in scene.system.states]), END / count
     for k in range(count):
         a = f(k * h, x)
         b = f((k + 0.5) * h, x + h / 2 * a)

@@ -8,7 +8,7 @@ import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
 
-from pwsmooth import Disc, Drive, Event, Solution, System, Unilateral, solve, sweep
+from pwsmooth import Disc, Drive, Event, Solution, Strobe, System, Unilateral, solve, sweep
 from pwsmooth.laws.friction import (
     GMS,
     XKY,
@@ -91,7 +91,7 @@ def on_springs(law, push, start=(0.0, 0.0, 0.0, 0.0), parameters=None):
     pieces = law.attach(velocity=(u, v), position=(x, y))
     rates = {x: u, y: v, u: push[0] - x - pieces.force[0], v: push[1] - y - pieces.force[1]}
     start = dict(zip(rates, map(float, start), strict=True))
-    system, first, _ = assemble(rates, pieces, time=t, start=start, parameters=parameters)
+    system, first, _ = assemble(rates, pieces, time=t, x0=start, parameters=parameters)
     return solve(system, (0, 8), first, rtol=1e-11, atol=1e-13)
 
 
@@ -107,7 +107,7 @@ def test_a_law_in_the_plane_is_the_scalar_one_along_a_line(law):
     push, angle = 2 * sp.sin(t), 0.7
     both = pushed(law, [2 * np.cos(angle), 2 * np.sin(angle)], [0, 0], [0, 0, 0, 0])
     pieces = law.attach(velocity=u, position=x)
-    line, first, _ = assemble({x: u, u: push - x - pieces.force}, pieces, time=t, start={x: 0, u: 0})
+    line, first, _ = assemble({x: u, u: push - x - pieces.force}, pieces, time=t, x0={x: 0, u: 0})
     one = solve(line, (0, 8), first, rtol=1e-11, atol=1e-13)
     if both.system.discs and both.system.model.multipliers[0].regularity == "sliding":
         times = [[(e.kind, round(e.time, 8)) for e in run.events] for run in (both, one)]
@@ -304,7 +304,7 @@ def test_a_sweep_counts_the_sticks_of_a_disc():
     force = [1.6 * sp.cos(t / 4) - k * x - lam[0], 0.25 * sp.sin(t / 4) - y - lam[1]]
     forced = System({x: u, y: v, u: force[0], v: force[1]}, time=t, parameters={k: 1})
     start = {x: 0.3, y: 0.1, u: 0.5, v: -0.4}
-    options = dict(start=start, period=8 * sp.pi, transient=30, periods=10)
+    options = dict(x0=start, seen=Strobe(8 * sp.pi), transient=30, periods=10)
     data = sweep(forced, {"k": [1, 1.2]}, measures=["sticks", "itinerary"], **options)
     assert data.sticks.values.tolist() == [2, 2] and data.itinerary.values.tolist() == ["0 + 0 +"] * 2
 

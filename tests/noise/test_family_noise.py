@@ -11,10 +11,11 @@ import pytest
 import sympy as sp
 from family_models import template_from
 
-from pwsmooth import Diffusion, Event, Family, System, ensemble, solve
+from pwsmooth import Diffusion, Event, Family, System, solve
 from pwsmooth.codegen import compile_model
 from pwsmooth.noise.diffusion_run import DiffusionRun
 from pwsmooth.paths.event_driven import EventDriven
+from pwsmooth.studies import ensemble
 
 t, u = sp.symbols("t u", real=True)
 

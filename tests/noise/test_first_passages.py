@@ -9,7 +9,8 @@ import sympy as sp
 from scipy.integrate import quad
 from scipy.special import erf
 
-from pwsmooth import Diffusion, Event, System, ensemble, solve
+from pwsmooth import Diffusion, Event, System, solve
+from pwsmooth.studies import ensemble
 
 v, w, n = sp.symbols("v w n", real=True)
 mu = sp.Symbol("mu", real=True)

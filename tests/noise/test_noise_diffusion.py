@@ -12,19 +12,8 @@ import pytest
 import sympy as sp
 from scipy.integrate import quad
 
-from pwsmooth import (
-    Algebraic,
-    Diffusion,
-    Event,
-    Family,
-    Memory,
-    Outcome,
-    Switch,
-    System,
-    Unilateral,
-    ensemble,
-    solve,
-)
+from pwsmooth import Algebraic, Diffusion, Event, Family, Memory, Outcome, Switch, System, Unilateral, solve
+from pwsmooth.studies import ensemble
 
 t, x, y, v, w, z = sp.symbols("t x y v w z", real=True)
 lam = Switch("lam", v)

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Diffusion, Disc, Drive, Switch, System, ensemble, solve
+from pwsmooth import Diffusion, Disc, Drive, Switch, System, solve
+from pwsmooth.studies import ensemble
 
 t, x, y, u, v, w = sp.symbols("t x y u v w", real=True)
 lam = Disc("lam", (u, v))

@@ -12,8 +12,9 @@ import sympy as sp
 from family_models import template_from
 from noise_numbers import draws
 
-from pwsmooth import Event, Family, Kicks, Memory, Outcome, Switch, System, ensemble, solve
+from pwsmooth import Event, Family, Kicks, Memory, Outcome, Switch, System, solve
 from pwsmooth.noise.kicks import KickedRun
+from pwsmooth.studies import ensemble
 
 t, x, y, v, z = sp.symbols("t x y v z", real=True)
 lam = Switch("lam", v)

@@ -18,9 +18,10 @@ import zarr
 from chain_models import train
 from family_models import template_from
 
-from pwsmooth import Event, Family, Outcome, Recorder, Switch, System, solve, sweep
+from pwsmooth import Event, Family, Outcome, Switch, System, solve, sweep
+from pwsmooth.families import Recorder
 from pwsmooth.paths import local
-from pwsmooth.sweep import Function
+from pwsmooth.studies import Function, Work
 
 TIGHT = dict(rtol=1e-12, atol=1e-14)
 
@@ -137,9 +138,10 @@ RUN = """
 import hashlib, sys
 from pathlib import Path
 import numpy as np
-from pwsmooth import Recorder, solve
+from pwsmooth import solve
+from pwsmooth.families import Recorder
 from pwsmooth.paths import local
-from pwsmooth.sweep import Function
+from pwsmooth.studies import Function
 from chain_models import train
 local.SLICE = 200  # elements renewed between two looks
 print("begins" if not Path(sys.argv[1] + ".run").exists() else "goes on")
@@ -276,8 +278,8 @@ def test_a_sweep_of_local_runs_has_the_bits_of_solve_on_threads_and_on_a_cluster
     def swept(**more):
         measure = Function(quakes, names=("avalanches", "moment"))
         return sweep(
-            system, {"k": stiffness}, start=start, t_span=(0, 20), measures=[measure], record=Recorder(), chunk=1,
-            progress=False, **more,
+            system, {"k": stiffness}, x0=start, t_span=(0, 20), measures=[measure], record=Recorder(),
+            work=Work(chunk=1, progress=False, **more),
         )  # fmt: skip
 
     found = swept()
@@ -309,9 +311,9 @@ def test_a_sweep_says_what_a_recorder_cannot_do_there(options, words):
     system, start = train(150)
     arguments = {"measures": [Function(quakes, names=("avalanches", "moment"))], "t_span": (0, 1)} | options
     with pytest.raises((ValueError, TypeError), match=words):
-        sweep(system, {"k": [1.0]}, start=start, **arguments)
+        sweep(system, {"k": [1.0]}, x0=start, **arguments)
     with pytest.raises(ValueError, match="`record` is given, but its elements are written out"):
-        sweep(System({sp.Symbol("x", real=True): 1}), t_span=(0, 1), start=[0], points={"t": [0.0]}, measures=quakes,
+        sweep(System({sp.Symbol("x", real=True): 1}), t_span=(0, 1), x0=[0], points={"t": [0.0]}, measures=quakes,
               record=Recorder())  # fmt: skip
 
 

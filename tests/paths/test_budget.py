@@ -6,26 +6,18 @@ import sys
 import textwrap
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import (
-    Diffusion,
-    Event,
-    Outcome,
-    System,
-    ensemble,
-    find_orbit,
-    lyapunov_exponents,
-    orbit_diagram,
-    solve,
-    sweep,
-)
+from pwsmooth import Diffusion, Event, Outcome, Return, Strobe, System, find_orbit, solve, sweep
+from pwsmooth.analysis.lyapunov import lyapunov_exponents
 from pwsmooth.analysis.maps.sections import Section, Stroboscopic
 from pwsmooth.codegen.machine import clock, native
 from pwsmooth.paths import budget  # fmt: skip
+from pwsmooth.studies import Work, ensemble, orbit_diagram
 
 t, x, v, k = sp.symbols("t x v k", real=True)
 PERIOD = 2 * sp.pi
@@ -144,9 +136,9 @@ def steps(monkeypatch):
 
 LONG_CALLS = {
     "exponents": lambda: lyapunov_exponents(DRIVEN, START, 1e6, max_steps=2_000).outcome,
-    "orbit": lambda: find_orbit(DRIVEN, START, period=PERIOD, transient=10**5, max_steps=2_000).success,
+    "orbit": lambda: find_orbit(DRIVEN, START, seen=Strobe(PERIOD), transient=10**5, max_steps=2_000).success,
     "section": lambda: (
-        find_orbit(FREE, START, section=v, direction=-1, transient=10**5, max_steps=2_000).success
+        find_orbit(FREE, START, seen=Return(v, direction=-1), transient=10**5, max_steps=2_000).success
     ),
     "map": lambda: np.isfinite(
         Stroboscopic(DRIVEN, PERIOD, options={"max_steps": 2_000}).iterate(START, 10**5)
@@ -155,7 +147,9 @@ LONG_CALLS = {
         Section(FREE, surface=v, options={"max_steps": 2_000}).iterate(START, 10**5)
     ).all(),
     "diagram": lambda: np.isfinite(
-        orbit_diagram(DRIVEN, k, np.linspace(1, 2, 1000), START, PERIOD, carry=True, max_steps=2_000).points
+        orbit_diagram(
+            DRIVEN, k, np.linspace(1, 2, 1000), START, Strobe(PERIOD), carry=True, max_steps=2_000
+        ).points
     ).all(),
 }
 
@@ -179,7 +173,7 @@ def test_seconds_bound_a_long_call_whole():
 @pytest.mark.parametrize("value", [0, -1, np.nan, "long"])
 def test_a_bound_on_seconds_is_a_positive_number(value):
     for call in (lambda: solve(DRIVEN, (0, 1), START, max_seconds=value),
-                 lambda: sweep(DRIVEN, {"k": [1.0]}, start=START, t_span=(0, 1), max_seconds=value),
+                 lambda: sweep(DRIVEN, {"k": [1.0]}, x0=START, t_span=(0, 1), max_seconds=value),
                  lambda: ensemble(FREE, (0, 1), START, Diffusion({v: 1}, step=1), 2, max_seconds=value)):  # fmt: skip
         with pytest.raises((ValueError, TypeError), match="`max_seconds`"):
             call()
@@ -189,28 +183,30 @@ def test_a_bound_on_seconds_is_a_positive_number(value):
 def test_points_that_a_sweep_has_no_time_for_say_so_and_run_later(clocked, tmp_path):
     events = [Event(every=1000, update={x: x})] if clocked else []
     system = System({x: v, v: sp.cos(t) - k * x - v / 5}, time=t, parameters={k: 1}, events=events)
-    asked = dict(start=START, measures=["counts"], max_steps=2**40, workers=2, chunk=1)
-    values = [1.0 + i / 10 for i in range(6)]
-    late = sweep(system, {"k": values}, t_span=(0, 1e8), max_seconds=0.2, **asked)
+    asked = dict(x0=START, measures=["counts"], max_steps=2**40)
+    values, work = [1.0 + i / 10 for i in range(6)], Work(workers=2, chunk=1)
+    late = sweep(system, {"k": values}, t_span=(0, 1e8), max_seconds=0.2, work=work, **asked)
     assert (late.outcome == Outcome.TIME_LIMIT).any() and "time_limit" in late.outcome.attrs["flag_meanings"]
     assert (late["steps"].values[late.outcome.values < 0] >= -1).all()
     store = tmp_path / "s.zarr"
-    part = sweep(system, {"k": values}, t_span=(0, 3000), store=store, max_seconds=1e-3, **asked)
+    part = sweep(
+        system, {"k": values}, t_span=(0, 3000), work=replace(work, store=store), max_seconds=1e-3, **asked
+    )
     assert (part.outcome == -128).any()
-    full = sweep(system, {"k": values}, t_span=(0, 3000), store=store, **asked)
-    fresh = sweep(system, {"k": values}, t_span=(0, 3000), **asked)
+    full = sweep(system, {"k": values}, t_span=(0, 3000), work=replace(work, store=store), **asked)
+    fresh = sweep(system, {"k": values}, t_span=(0, 3000), work=work, **asked)
     assert (full.outcome == 0).all() and np.array_equal(full["steps"], fresh["steps"])
 
 
 INTERRUPTED = """
 import signal
 import sympy as sp
-from pwsmooth import Function, System, sweep
-from pwsmooth.sweep import Function
+from pwsmooth import System, sweep
+from pwsmooth.studies import Function, Work
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job begins deaf to it
 t, x, v, k = sp.symbols("t x v k", real=True)
 system = System({x: v, v: sp.cos(t) - k*x - v/5 - sp.sign(v)/4}, time=t, parameters={k: 1})
-options = dict(start={"x": 1, "v": 0}, measures=["counts"], max_steps=2**50, workers=2, chunk=2)
+options = dict(x0={"x": 1, "v": 0}, measures=["counts"], max_steps=2**50, work=Work(workers=2, chunk=2))
 sweep(system, {"k": [1.0, 2.0]}, t_span=(0, 5), **options)
 print("begun", flush=True)
 try:
@@ -223,8 +219,8 @@ except KeyboardInterrupt:
 @pytest.mark.parametrize("chunk", [2, None])
 @pytest.mark.parametrize("measure", ["'counts'", "Function(lambda s: s['x'][-1], names='end')"])
 def test_ctrl_c_is_heard_in_the_middle_of_a_chunk(chunk, measure, tmp_path):
-    changed = f"{{**options, 'chunk': {chunk}, 'measures': [{measure}]}}"
-    script = textwrap.dedent(INTERRUPTED).replace("CHANGED", changed).replace("Function, System", "System")
+    changed = f"{{**options, 'work': Work(workers=2, chunk={chunk}), 'measures': [{measure}]}}"
+    script = textwrap.dedent(INTERRUPTED).replace("CHANGED", changed)
     with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline() == "begun\n"
         time.sleep(1.0)

@@ -1,6 +1,6 @@
 """A call of solve() is checked once, and the first path that serves it runs; behind the door nothing is checked again.
 
-Guards: paths/call.py, solve.py.
+Guards: paths/call.py, solving.py.
 """
 
 import ast
@@ -15,12 +15,14 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Diffusion, Kicks, Recorder, System, find_orbit, follow, solve
+from pwsmooth import Diffusion, Kicks, Strobe, System, find_orbit, follow, solve
+from pwsmooth.analysis.continuation import Steps
 from pwsmooth.costs import event_time, final, value_and_gradient
 from pwsmooth.costs import objective as objectives
+from pwsmooth.families import Recorder
 from pwsmooth.noise import diffusion_path
 from pwsmooth.paths import backward, event_driven, functions, local, smoothed, stiff_events, stiffness
-from pwsmooth.solve import PATHS, behind_the_door, call_with, path_for
+from pwsmooth.solving import PATHS, behind_the_door, call_with, path_for
 
 t, x, v = sp.symbols("t x v", real=True)
 F = sp.Symbol("F", positive=True)
@@ -121,9 +123,9 @@ def test_behind_the_door_nothing_is_checked_again():
 
 
 def test_a_branch_followed_again_goes_through_no_door_of_solve():
-    orbit = find_orbit(block(), START, period=sp.pi)
-    follow(orbit, F, to=0.5, step=0.1)
-    assert entered(lambda: follow(orbit, F, to=0.5, step=0.1), "pwsmooth/solve.py") == []
+    orbit = find_orbit(block(), START, seen=Strobe(sp.pi))
+    follow(orbit, {F: 0.5}, steps=Steps(first=0.1))
+    assert entered(lambda: follow(orbit, {F: 0.5}, steps=Steps(first=0.1)), "pwsmooth/solving.py") == []
 
 
 def test_a_start_that_needs_a_look_gets_one_behind_the_door_too():
@@ -141,7 +143,7 @@ def test_a_start_that_needs_a_look_gets_one_behind_the_door_too():
 
 
 def test_a_map_is_pickled_and_copied_without_what_it_has_prepared():
-    orbit = find_orbit(block(), START, period=sp.pi)
+    orbit = find_orbit(block(), START, seen=Strobe(sp.pi))
     assert orbit.map._inner
     again = pickle.loads(pickle.dumps(orbit.map))
     assert not again._inner and np.array_equal(again(orbit.x), orbit.map(orbit.x))
@@ -156,10 +158,10 @@ def test_a_cost_is_lowered_once_for_a_system_at_any_values(monkeypatch):
     stop = event_time("sgn(v)", "stick")
     for friction, speed in ((2.0, 4.0), (1.0, 3.0)):
         changed = body.with_parameters({mu: friction})
-        value, gradient = value_and_gradient(changed, stop, (0, 9), {x: 0, v: speed}, with_respect_to=[mu, "v"])
+        value, gradient = value_and_gradient(changed, stop, (0, 9), {x: 0, v: speed}, by=[mu, "v"])
         assert value == pytest.approx(speed / friction)
         assert gradient == pytest.approx([-speed / friction**2, 1 / friction])
     assert len(lowered) == 1
-    value_and_gradient(body, final(x), (0, 9), {x: 0, v: 4}, with_respect_to=[mu])
+    value_and_gradient(body, final(x), (0, 9), {x: 0, v: 4}, by=[mu])
     assert len(lowered) == 2
     pickle.loads(pickle.dumps(body))  # without what this process keeps of it

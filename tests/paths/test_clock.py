@@ -113,7 +113,7 @@ def test_the_tick_at_the_end_of_a_span_strikes_once_whatever_the_rounding(every)
 def test_derivatives_pass_jumps_that_are_known():
     # x(k T) for x' = on - x by the closed form, differenced by hand.
     system = System({x: ON - x}, time=t, parameters={T: 0.5, d: 0.3})
-    run = solve(system, (0, 3.1), {x: 0}, with_respect_to=["T", "d"])
+    run = solve(system, (0, 3.1), {x: 0}, by=["T", "d"])
     h = 1e-6
     for j, p in enumerate((T, d)):
         values = {T: 0.5, d: 0.3}
@@ -136,7 +136,7 @@ def test_instants_that_are_given_act_at_a_start():
             run = solve(system, (0, 30), {x: 0}, method=method, t_eval=[0, 30])
             np.testing.assert_allclose(run["x"], [100, want.sum()], rtol=1e-9)
         assert solve(system, (12, 30), {x: 0})["x"][-1] == pytest.approx(want[1:].sum(), rel=1e-9)
-        derived = solve(system, (0, 30), {x: 1}, with_respect_to=["x"])
+        derived = solve(system, (0, 30), {x: 1}, by=["x"])
         assert derived.derivatives.end[0, 0] == pytest.approx(np.exp(-3), rel=1e-9)
     assert solve(dosed, (0, 30), {x: 0}).event_times(switch="dose").tolist() == [0, 12, 24]
     with pytest.raises(ValueError, match="event 'dose' happens at the start t = 0.*leave this instant out"):

@@ -13,8 +13,9 @@ import time
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, System, diagram
+from pwsmooth import Event, Strobe, System, diagram
 from pwsmooth.paths.interrupts import noted, processes, result
+from pwsmooth.studies import Work
 
 
 @pytest.fixture(autouse=True)
@@ -158,10 +159,10 @@ def test_a_diagram_through_processes_is_interrupted_and_taken_up_again(tmp_path)
     )
 
     def made(**options):
-        return diagram(logistic, a, (2.9, 3.2), {x: 0.3}, 1, phase=0.5, values=9, **options)
+        return diagram(logistic, {a: (2.9, 3.2)}, {x: 0.3}, Strobe(1, phase=0.5), values=9, **options)
 
     timer = threading.Timer(0.5, press)  # while its processes begin
     timer.start()
     with pytest.raises(KeyboardInterrupt):
-        made(workers=2, store=tmp_path / "store")
-    assert str(made(store=tmp_path / "store")) == str(made())
+        made(work=Work(workers=2, store=tmp_path / "store"))
+    assert str(made(work=Work(store=tmp_path / "store"))) == str(made())

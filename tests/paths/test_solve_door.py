@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, Memory, Switch, System, solve, sweep
+from pwsmooth import Event, Memory, Strobe, Switch, System, solve, sweep
 from pwsmooth.definition.model import Model
 from pwsmooth.paths.event_driven import EventDriven, Options
+from pwsmooth.studies import Work
 
 t, x, v, z = sp.symbols("t x v z", real=True)
 k, beta = sp.symbols("k beta", positive=True)
@@ -63,7 +64,7 @@ def test_a_span_that_runs_backward_is_taken_by_solve_alone(t_span):
         t_span[1] - t_span[0]
     )  # times increase
     with pytest.raises(ValueError, match="start < end"):
-        sweep(block(), {"k": [1.0]}, start=START, t_span=t_span)
+        sweep(block(), {"k": [1.0]}, x0=START, t_span=t_span)
 
 
 @pytest.mark.parametrize("t_span", [5, None, (0,), (0, 1, 2), "ab", (0, "end"), (0, 1j)])
@@ -298,8 +299,8 @@ def test_a_nonnegative_state_that_a_run_has_ended_within_rounding_below_zero_sta
 
 
 def test_every_start_takes_it():
-    many = sweep(SWING, points={"level": [-7e-18, 0.0, 1.0]}, start={v: 1}, period=2 * sp.pi,
-                 measures=["points(level)"], progress=False)  # fmt: skip
+    many = sweep(SWING, points={"level": [-7e-18, 0.0, 1.0]}, x0={v: 1}, seen=Strobe(2 * sp.pi),
+                 measures=["points(level)"], work=Work(progress=False))  # fmt: skip
     assert (many.outcome.values == 0).all()
     assert SWING.initial_state([-7e-18, 1]) == [0.0, 1.0]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pwsmooth import Activity, Histogram, Recorder, SlipHistogram
+from pwsmooth.families import Activity, Histogram, Recorder, SlipHistogram
 from pwsmooth.laws.friction import StaticKinetic
 from pwsmooth.paths import local as path
 from pwsmooth.scenes import block_train, granular_chain

@@ -15,10 +15,8 @@ from pwsmooth import (
     Diffusion,
     Event,
     Family,
-    Histogram,
     Kicks,
     Memory,
-    Recorder,
     Solution,
     Switch,
     System,
@@ -26,6 +24,7 @@ from pwsmooth import (
     solve,
 )
 from pwsmooth.definition import tree
+from pwsmooth.families import Histogram, Recorder
 from pwsmooth.laws.friction import MaxwellSlip
 from pwsmooth.results.saving import unpack
 from pwsmooth.scenes import friction_oscillator
@@ -287,7 +286,7 @@ def test_what_a_run_was_made_for_and_no_file_holds_is_named(tmp_path):
     (u,) = Family(120).symbols("u")
     reset = Event(u - 1, direction=1, update={u: 0})
     record = Recorder(elements=[1], statistics={"waits": Histogram("waiting", np.linspace(0, 2, 21))})
-    asked = solve(System({x: a - sp.sign(x)}, parameters={a: 0.5}), (0, 1), {x: 1}, with_respect_to=[a])
+    asked = solve(System({x: a - sp.sign(x)}, parameters={a: 0.5}), (0, 1), {x: 1}, by=[a])
     kept = solve(
         System({u: 1 + 0 * u}, events=[reset]),
         (0, 5),

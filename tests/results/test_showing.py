@@ -7,24 +7,14 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import (
-    Event,
-    Family,
-    Switch,
-    System,
-    basins,
-    find_orbit,
-    follow,
-    lyapunov_exponents,
-    orbit_diagram,
-    plotting,
-    solve,
-)
+from pwsmooth import Event, Family, Strobe, Switch, System, basins, find_orbit, follow, plotting, solve
+from pwsmooth.analysis.lyapunov import lyapunov_exponents
 from pwsmooth.door.describe import LONGEST
 from pwsmooth.laws.contact import Hertz
 from pwsmooth.results.records import EventRecord, Listed
 from pwsmooth.scenes import free_impact
-from pwsmooth.sweep.basins import FAILED, UNSETTLED
+from pwsmooth.studies import orbit_diagram
+from pwsmooth.studies.attractors import FAILED, UNSETTLED
 
 matplotlib.use("Agg")
 
@@ -36,17 +26,17 @@ TWO_WELLS = System({x: x - x**3 - sp.sin(t) / 10, v: -v}, time=t)
 
 @pytest.fixture(scope="module")
 def branch():
-    return follow(find_orbit(LOGISTIC, {x: 0.6}, period=1, phase=0.5), a, to=3.3)
+    return follow(find_orbit(LOGISTIC, {x: 0.6}, seen=Strobe(1, phase=0.5)), {a: 3.3})
 
 
 @pytest.fixture(scope="module")
 def found():
-    return basins(TWO_WELLS, {x: [-2, -1, 1], v: [0, 1]}, 2 * sp.pi, transient=20)
+    return basins(TWO_WELLS, {x: [-2, -1, 1], v: [0, 1]}, Strobe(2 * sp.pi), transient=20)
 
 
 @pytest.fixture(scope="module")
 def diagram():
-    return orbit_diagram(LOGISTIC, a, [2.5, 3.2, 5.0], {x: 0.3}, 1, keep=4)
+    return orbit_diagram(LOGISTIC, a, [2.5, 3.2, 5.0], {x: 0.3}, Strobe(1), keep=4)
 
 
 def many():
@@ -226,7 +216,7 @@ def test_a_backend_that_is_loaded_within_the_style_stays_interactive():
 
 def test_an_orbit_that_is_missing_is_said_to_be_so_once():
     for rate, period in ((-x + sp.sin(2 * t), 1), (1 + sp.sin(t), 2 * sp.pi)):
-        missing = find_orbit(System({x: v, v: rate}, time=t), {x: 1, v: 0}, period=period)
+        missing = find_orbit(System({x: v, v: rate}, time=t), {x: 1, v: 0}, seen=Strobe(period))
         assert not missing.success
         assert repr(missing).lower().count("no orbit") == 1 and repr(missing).startswith("No orbit")
 

@@ -8,7 +8,7 @@ import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
 
-from pwsmooth import Recorder
+from pwsmooth.families import Recorder
 from pwsmooth.laws.friction import Coulomb, MaxwellSlip, StaticKinetic, VelocityWeakening
 from pwsmooth.scenes import (
     block_lattice,
@@ -29,7 +29,7 @@ ROWS = {"train": lambda law, **more: block_train(law, n=150, **more),
 
 def in_step(scene):
     """The start with all blocks at their places."""
-    return {name: 0.0 if name.startswith("x") else value for name, value in scene.start.items()}
+    return {name: 0.0 if name.startswith("x") else value for name, value in scene.x0.items()}
 
 
 @pytest.mark.parametrize("kind", ROWS)
@@ -107,7 +107,7 @@ def automaton(shape, share, drive, leak, u, end):
 def test_a_lattice_fires_in_the_avalanches_of_an_automaton():
     scene = firing_lattice(shape=(12, 12), share=0.22, leak=0.2, seed=4)
     run = scene.solve((0, 30), t_eval=[0, 30], **TIGHT)
-    start = np.array(list(scene.start.values()))
+    start = np.array(list(scene.x0.values()))
     found, end = automaton((12, 12), 0.22, 1.0, 0.2, start, 30)
     times, sizes = np.array([at for at, _ in found]), [size for _, size in found]
     first = np.concatenate([[0], np.flatnonzero(np.diff(run.events.times) > 1e-9) + 1])
@@ -119,7 +119,7 @@ def test_a_lattice_fires_in_the_avalanches_of_an_automaton():
 
 def test_neighbours_that_are_full_at_once_by_themselves_give_to_each_other():
     scene = firing_lattice(shape=(12, 12), leak=0.2, share=0.22)
-    full = {name: 0.9 if k in (5, 6) else 0.2 for k, name in enumerate(scene.start)}
+    full = {name: 0.9 if k in (5, 6) else 0.2 for k, name in enumerate(scene.x0)}
     run = scene.solve((0, 0.2), full, t_eval=[0, 0.2], **TIGHT)
     assert len(run.events) == 2 and not run.ambiguities
     # du/dt = 1 - u/5 from 0.22 on.

@@ -11,7 +11,7 @@ import pytest
 import sympy as sp
 from scipy.optimize import brentq
 
-from pwsmooth import System, Unilateral, find_orbit, follow, follow_curve
+from pwsmooth import Strobe, System, Unilateral, find_orbit, follow
 from pwsmooth.analysis.continuation.conditions.chatter import fixed
 
 t, x, v = sp.symbols("t x v", real=True)
@@ -43,7 +43,7 @@ def bouncing(restitution, n):
     flown = 2 * math.pi * n - phi  # since the last impact, with the speed pi n
     start = {x: gamma * math.sin(phi) + math.pi * n * flown - flown**2 / 2, v: math.pi * n - flown}
     return (
-        find_orbit(BALL.with_parameters({G: gamma, e: restitution}), start, period=2 * sp.pi, count=n),
+        find_orbit(BALL.with_parameters({G: gamma, e: restitution}), start, seen=Strobe(2 * sp.pi), count=n),
         phi,
         gamma,
     )
@@ -68,14 +68,14 @@ def test_its_multipliers_have_the_sum_and_the_product_of_the_closed_form(restitu
 @pytest.mark.parametrize("restitution, n", CASES)
 def test_its_fold_is_the_closed_form(restitution, n):
     orbit, _, gamma = bouncing(restitution, n)
-    (found,) = follow(orbit, G, to=0.95 * fold(restitution, n)).of_kind("fold")
+    (found,) = follow(orbit, {G: 0.95 * fold(restitution, n)}).of_kind("fold")
     assert found.parameter == pytest.approx(fold(restitution, n), abs=1e-9)
 
 
 @pytest.mark.parametrize("restitution, n", CASES)
 def test_its_flip_is_the_closed_form(restitution, n):
     orbit, _, gamma = bouncing(restitution, n)
-    (found,) = follow(orbit, G, to=1.01 * flip(restitution, n)).of_kind("flip")
+    (found,) = follow(orbit, {G: 1.01 * flip(restitution, n)}).of_kind("flip")
     assert found.parameter == pytest.approx(flip(restitution, n), abs=1e-9)
 
 
@@ -114,7 +114,7 @@ def bounces(gamma, restitution=0.5):
 @pytest.fixture(scope="module")
 def chattering():
     """Rest on the table, flight, infinitely many bounces, rest: at Gamma = 1.2."""
-    return find_orbit(BALL, {x: 0, v: 1.2}, period=2 * sp.pi, transient=2)
+    return find_orbit(BALL, {x: 0, v: 1.2}, seen=Strobe(2 * sp.pi), transient=2)
 
 
 def test_the_ball_lifts_off_where_the_table_falls_as_fast(chattering):
@@ -142,14 +142,14 @@ def test_an_orbit_that_rests_forgets_all(chattering):
 
 
 def test_a_branch_of_complete_chatter_begins_at_the_lift_off_and_has_nothing_else_on_it(chattering):
-    branch = follow(chattering, G, to=0.9)
+    branch = follow(chattering, {G: 0.9})
     (found,) = branch.bifurcations  # the number of bounces that a run passes is no change
     assert found.kind == "lift-off"
     assert abs(found.parameter - 1) < found.uncertainty < 1e-7  # flights are as high as (Gamma - 1)^2
 
 
 def test_complete_chatter_ends_where_that_of_the_closed_form_does(chattering):
-    found = follow(chattering, G, to=1.62).bifurcations[0]
+    found = follow(chattering, {G: 1.62}).bifurcations[0]
     assert found.kind == "end of complete chatter"
     low, high = 1.59, 1.60
     while high - low > 1e-11:
@@ -159,7 +159,7 @@ def test_complete_chatter_ends_where_that_of_the_closed_form_does(chattering):
 
 
 def test_beyond_it_the_ball_bounces_for_ever(chattering):
-    branch = follow(chattering, G, to=1.62)
+    branch = follow(chattering, {G: 1.62})
     beyond = [
         orbit for orbit in branch.orbits if orbit.system.parameters[G] > branch.bifurcations[0].parameter + 1e-6
     ]
@@ -168,8 +168,8 @@ def test_beyond_it_the_ball_bounces_for_ever(chattering):
 
 @pytest.mark.thorough
 def test_the_end_of_complete_chatter_is_followed_over_the_restitution(chattering):
-    end = follow(chattering, G, to=1.6).bifurcations[0]
-    curve = follow_curve(end, {G: (1.02, 2.6), e: (0.1, 0.9)})
+    end = follow(chattering, {G: 1.6}).bifurcations[0]
+    curve = follow(end, {G: (1.02, 2.6), e: (0.1, 0.9)})
     assert curve.ends == ("reached e = 0.9.", "reached e = 0.1.")
     # Bounces by roots of the gap: they accumulate on one side, and come to no end on the other.
     for gamma, restitution in curve.values[:, ::20].T:

@@ -168,7 +168,7 @@ def test_acceleration_dependent_friction_keeps_the_speed_in_a_band_of_forces_and
 
     def run(size):
         scene = force_driven(law, 1 + size * sp.sin(t), t_span=(0, 1.4))
-        return scene.solve(x0={**scene.start, "v": speed}, dense_output=True)
+        return scene.solve(x0={**scene.x0, "v": speed}, dense_output=True)
 
     inside = run(0.99 * band)
     assert inside.success and np.abs(inside["v"] - speed).max() < 1e-12
@@ -219,7 +219,7 @@ def test_lugre_gives_back_more_than_it_stored_and_fading_damping_does_not():
     outcome = {}
     for kind in (friction.LuGre, friction.LuGreFadingDamping):
         scene = prescribed_motion(kind(), velocity=1.0, t_span=(0, 1e-5), work=True)
-        start = {**scene.start, "z": 0.95 * 1.5e-5}
+        start = {**scene.x0, "z": 0.95 * 1.5e-5}
         run = scene.solve(x0=start)
         stored = 1e5 / 2 * (run["z"] ** 2 - start["z"] ** 2)
         outcome[kind] = run["force"][0], run["work"][-1] - stored[-1]
@@ -239,7 +239,7 @@ def test_stiff_bristles_tend_to_the_switching_block_with_order_one_half(kind):
     # At a direct reversal the bristle is wound through 2 g/sigma0 at the acceleration a: in the time that this takes,
     # sqrt(4 g/(sigma0 a)), the force differs by O(1).
     common = dict(F_c=1.0, F_s=1.5, v_s=0.1)
-    motion = dict(amplitude=4.0, start=(0.5, 0.3), t_span=(0, 8))
+    motion = dict(amplitude=4.0, x0=(0.5, 0.3), t_span=(0, 8))
     options = dict(rtol=1e-10, t_eval=[8.0])
     block = friction_oscillator(friction.StribeckFriction(**common), **motion).solve(**options)
     assert set(block.itinerary) <= {"slip right (lam=+1)", "slip left (lam=-1)"}
@@ -263,5 +263,5 @@ def test_a_law_that_begins_relaxed_under_a_record_begins_at_its_rate():
     law = friction.MultistateXKY()
     record = prescribed_motion(law, position=Drive(times, np.sin(4 * times) / 2))
     formula = prescribed_motion(law, position=sp.sin(4 * t) / 2, t_span=(0, 3))
-    assert record.start["s"] == pytest.approx(formula.start["s"], rel=1e-6)
+    assert record.x0["s"] == pytest.approx(formula.x0["s"], rel=1e-6)
     assert record.solve()["force"][-1] == pytest.approx(formula.solve()["force"][-1], rel=1e-3)

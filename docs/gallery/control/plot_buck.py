@@ -21,7 +21,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 
-from pwsmooth import System, find_orbit, follow, orbit_diagram
+from pwsmooth import Strobe, System, find_orbit, follow
+from pwsmooth.studies import orbit_diagram
 
 T = 0.4  # ms
 t, v, i = sp.symbols("t v i", real=True)
@@ -40,8 +41,8 @@ buck = System(
 # %%
 # The orbit with one pulse a period, followed in :math:`E`. The section lies half a period after the clock,
 # where nothing switches.
-orbit = find_orbit(buck, {v: 12, i: 550}, period=T, phase=0.5, transient=200)
-branch = follow(orbit, E, to=28)
+orbit = find_orbit(buck, {v: 12, i: 550}, seen=Strobe(T, phase=0.5), transient=200)
+branch = follow(orbit, {E: 28})
 (flip,) = branch.of_kind("flip")
 print(f"period doubling at E = {flip.parameter:.8f} V")
 
@@ -53,7 +54,7 @@ print(f"period doubling at E = {flip.parameter:.8f} V")
 # The diagram is drawn upwards in :math:`E`, each run from where the last one ended.
 values = np.linspace(20, 33.5, 400)
 diagram = orbit_diagram(
-    buck, E, values, orbit.start, T, transient=100, keep=60, carry=True
+    buck, E, values, orbit.x0, Strobe(T), transient=100, keep=60, carry=True
 )
 fig, ax = plt.subplots(figsize=(7, 3.4))
 diagram.plot(ax, i)

@@ -22,7 +22,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 
-from pwsmooth import System, lyapunov_exponents, solve
+from pwsmooth import System, solve
+from pwsmooth.analysis.lyapunov import lyapunov_exponents
 
 x, y, z = sp.symbols("x y z", real=True)
 m0, m1 = sp.Rational(-8, 7), sp.Rational(-5, 7)

@@ -20,7 +20,8 @@ import numpy as np
 import sympy as sp
 from scipy.optimize import brentq
 
-from pwsmooth import System, find_orbit, follow, sweep
+from pwsmooth import Strobe, System, find_orbit, follow, sweep
+from pwsmooth.studies import Work
 
 t, i, w = sp.symbols("t i omega", real=True)
 d = sp.Symbol("d", positive=True)
@@ -39,8 +40,8 @@ motor = System(
 # The locked motor is a periodic orbit like any other. Followed in :math:`d` it ends to stick where the peak
 # of the current reaches :math:`M_c/k`, a bifurcation that is located; by hand the peak is :math:`\frac
 # UR\,\frac{1 - 2a + c}{1 - c}` with :math:`a = e^{-dTR/L}`, :math:`c = e^{-TR/L}`.
-locked = find_orbit(motor, {i: 0, w: 0}, period=T, phase=0.3, transient=20)
-branch = follow(locked, d, to=0.6)
+locked = find_orbit(motor, {i: 0, w: 0}, seen=Strobe(T, phase=0.3), transient=20)
+branch = follow(locked, {d: 0.6})
 loose = branch.bifurcations[0]
 
 
@@ -59,12 +60,12 @@ duty = np.linspace(0.5, 0.7, 81)
 found = sweep(
     motor,
     {d: duty},
-    start={i: 0, w: 0},
-    period=T,
+    x0={i: 0, w: 0},
+    seen=Strobe(T),
     transient=400,
     periods=10,
     measures=["statistics(omega)"],
-    progress=False,
+    work=Work(progress=False),
 )
 average = (k * U * (2 * duty - 1) / R - M_c) / (b + k**2 / R)
 fig, ax = plt.subplots(figsize=(7, 3.2))

@@ -21,7 +21,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 
-from pwsmooth import System, find_orbit, follow
+from pwsmooth import Return, System, find_orbit, follow
 
 x1, x2, x3 = sp.symbols("x1 x2 x3", real=True)
 rho = sp.Symbol("rho", real=True)
@@ -36,13 +36,13 @@ loop = System(
     parameters={rho: -2.5},
     outputs={"u": u},
 )
-orbit = find_orbit(loop, {x1: 0.1, x2: 0.5, x3: 0.3}, section=x2, transient=60)
+orbit = find_orbit(loop, {x1: 0.1, x2: 0.5, x3: 0.3}, seen=Return(x2), transient=60)
 orbit
 
 # %%
 # Its largest multiplier is below 1; the others vanish, since a slide forgets how it began. Followed in
 # :math:`\rho` it meets an unstable one and both are gone.
-branch = follow(orbit, rho, to=-2)
+branch = follow(orbit, {rho: -2})
 (fold,) = branch.of_kind("fold")
 print(f"the orbit ends in a fold at rho = {fold.parameter:.9f}")
 

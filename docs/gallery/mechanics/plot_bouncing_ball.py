@@ -23,7 +23,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 
-from pwsmooth import System, Unilateral, find_orbit, follow, orbit_diagram
+from pwsmooth import Strobe, System, Unilateral, find_orbit, follow
+from pwsmooth.studies import orbit_diagram
 
 t, s, v = sp.symbols("t s v", real=True)
 Gamma, e = sp.symbols("Gamma e", positive=True)
@@ -36,8 +37,8 @@ ball = System(
 
 # %%
 # The orbit is found by Newton's method on the stroboscopic map, and followed until it flips.
-orbit = find_orbit(ball, {s: 3.3, v: -2.3}, period=2 * sp.pi, transient=40)
-branch = follow(orbit, Gamma, to=1.7)
+orbit = find_orbit(ball, {s: 3.3, v: -2.3}, seen=Strobe(2 * sp.pi), transient=40)
+branch = follow(orbit, {Gamma: 1.7})
 flip = branch.of_kind("flip")[0]
 exact = np.sqrt((np.pi / 3) ** 2 + 4 * 1.25**2 / 1.5**4)
 print(f"flip at Gamma = {flip.parameter:.12f}")
@@ -47,7 +48,7 @@ print(f"closed form     {exact:.12f}")
 # What comes after it is a cascade to chaos; each run begins at the orbit above.
 values = np.linspace(1.3, 1.9, 301)
 diagram = orbit_diagram(
-    ball, Gamma, values, orbit.start, 2 * sp.pi, transient=80, keep=60
+    ball, Gamma, values, orbit.x0, Strobe(2 * sp.pi), transient=80, keep=60
 )
 fig, ax = plt.subplots(figsize=(7, 3.6))
 diagram.plot(ax, v)

@@ -16,7 +16,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 
-from pwsmooth import Disc, System, find_orbit, follow
+from pwsmooth import Disc, Strobe, System, find_orbit, follow
 from pwsmooth.plotting import COLOUR
 
 t, x, y, u, v = sp.symbols("t x y u v", real=True)
@@ -26,9 +26,9 @@ force = sp.Rational(8, 5) * sp.cos(t / 4), sp.sin(t / 4)
 block = System(
     {x: u, y: v, u: force[0] - x - mu * lam[0], v: force[1] - y - mu * lam[1]}, time=t, parameters={mu: 1}
 )
-search = dict(period=8 * sp.pi, symmetry={x: -x, y: -y, u: -u, v: -v}, transient=20)
+search = dict(seen=Strobe(8 * sp.pi, symmetry={x: -x, y: -y, u: -u, v: -v}), transient=20)
 orbit = find_orbit(block, {x: 0.3, y: 0.1, u: 0.5, v: -0.4}, **search)
-branch = follow(orbit, mu, to=1.25)
+branch = follow(orbit, {mu: 1.25})
 born = branch.of_kind("grazing-sliding")
 print(*born, sep="\n")
 

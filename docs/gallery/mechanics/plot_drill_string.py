@@ -25,7 +25,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 
-from pwsmooth import System, find_orbit, follow, solve
+from pwsmooth import Return, System, find_orbit, follow, solve
+from pwsmooth.analysis.continuation import Steps
 
 phi, omega = sp.symbols("phi omega", real=True)
 Omega = sp.Symbol("Omega", positive=True)
@@ -46,9 +47,9 @@ sol = solve(string, (0, 60), {phi: 0, omega: 0}, dense_output=True)
 # The orbit that sticks and slips, followed upwards in the speed of the top drive. Its stick shrinks to
 # nothing; what goes on from there slips only, is unstable, and leads back down to :math:`\Omega_{\rm H}`.
 orbit = find_orbit(
-    string, {phi: 10, omega: 0}, section=omega - 5, transient=30
+    string, {phi: 10, omega: 0}, seen=Return(omega - 5), transient=30
 )
-branch = follow(orbit, Omega, to=10, longest_step=0.05)
+branch = follow(orbit, {Omega: 10}, steps=Steps(longest=0.05))
 highest = branch.values.max()
 hopf = omega_s * np.log((T_s - T_c) / (c * omega_s))
 print(f"even turning is stable from  Omega = {hopf:.5f} rad/s")

@@ -22,7 +22,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 
-from pwsmooth import System, find_orbit, follow
+from pwsmooth import Strobe, System, find_orbit, follow
 
 t, x, v = sp.symbols("t x v", real=True)
 omega = sp.Symbol("omega", positive=True)
@@ -36,11 +36,10 @@ gears = System(
 orbit = find_orbit(
     gears,
     {x: 1.1, v: 0},
-    period=2 * sp.pi / omega,
-    phase=0.25,
+    seen=Strobe(2 * sp.pi / omega, phase=0.25),
     transient=100,
 )
-branch = follow(orbit, omega, to=0.4)
+branch = follow(orbit, {omega: 0.4})
 for found in branch.bifurcations:
     print(f"omega = {found.parameter:.8f}: {found.kind}")
 

@@ -19,7 +19,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from pwsmooth import Drive
-from pwsmooth.fit import fit_law
+from pwsmooth.fitting import fit_law
 from pwsmooth.laws.friction import LuGre
 from pwsmooth.scenes import prescribed_motion
 

@@ -20,7 +20,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 
-from pwsmooth import System, find_orbit, follow, orbit_diagram
+from pwsmooth import Return, System, find_orbit, follow
+from pwsmooth.studies import orbit_diagram
 
 x1, v1, x2, v2 = sp.symbols("x1 v1 x2 v2", real=True)
 V = sp.Symbol("V", positive=True)
@@ -44,8 +45,8 @@ blocks = System(
 # %%
 # The regular orbit at a fast belt, followed down. Where its multiplier is -1 it begins to alternate; it
 # exists below too, unstable.
-orbit = find_orbit(blocks, [0.5, 0, 0.2, 0], section=x1 - x2, transient=200)
-branch = follow(orbit, V, to=0.1)
+orbit = find_orbit(blocks, [0.5, 0, 0.2, 0], seen=Return(x1 - x2), transient=200)
+branch = follow(orbit, {V: 0.1})
 (flip,) = branch.of_kind("flip")
 print(orbit)
 print(f"period doubling at V = {flip.parameter:.8f}")
@@ -59,8 +60,8 @@ diagram = orbit_diagram(
     blocks,
     V,
     speeds,
-    orbit.start,
-    section=x1 - x2,
+    orbit.x0,
+    seen=Return(x1 - x2),
     transient=100,
     keep=30,
     carry=True,

@@ -24,7 +24,8 @@ import numpy as np
 import sympy as sp
 from scipy.integrate import solve_ivp
 
-from pwsmooth import System, equilibria, solve
+from pwsmooth import System, solve
+from pwsmooth.analysis.equilibria import equilibria
 
 x1, x2 = sp.symbols("x1 x2", positive=True)
 gamma_1, gamma_2 = 0.6, 0.9

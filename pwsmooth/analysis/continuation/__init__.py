@@ -10,11 +10,10 @@ _HOME = {
     "EquilibriumBifurcation": "equilibria.branch",
     "EquilibriumBranch": "equilibria.branch",
     "EquilibriumCurve": "equilibria.curves",
-    "bifurcations_between": "bifurcations",
     "branch_off": "branches",
     "cycle_from": "equilibria.hopf",
-    "follow": "branches",
-    "follow_curve": "two_parameters",
+    "Steps": "steps",
+    "follow": "following",
 }
 
 __all__ = [*_HOME]

@@ -18,11 +18,11 @@ import numpy as np
 
 from ...paths.budget import Budget, within
 from ...results.solution import Solution
+from ..maps.first_order import chosen_parameters, moved, sticks_at_start
 from ..maps.poincare import Image
 from ..maps.scales import Scale, extents, unit_of, units_of_motion
 from ..maps.sections import Section, Stroboscopic
 from ..maps.segments import Shooting, best_place, cut, pressed, restless, rotated, settled, sizes
-from ..maps.variations import chosen_parameters, moved, sticks_at_start
 from ..orbits.finding import refine
 from ..orbits.fixed_points import SAME, TOLERANCE, onto_section, orbit_of, pinned, relative, shot
 from ..orbits.itineraries import same_itinerary

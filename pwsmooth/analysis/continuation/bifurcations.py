@@ -15,7 +15,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ...door import checks
 from ...door.documenting import complete
 from ..equilibria.equilibrium import Equilibrium
 from ..orbits.finding import refined_to
@@ -29,7 +28,7 @@ from .conditions.conditions import factors, pairs
 from .jumps import ADDING, jump_between
 from .naming import BORDER, BRACKET, TOUCHED, border_between, has_multiplier, touches, turn_named
 
-__all__ = ["Bifurcation", "bifurcations_between"]
+__all__ = ["Bifurcation"]
 
 P = TypeVar("P", bound=Point)
 
@@ -76,8 +75,8 @@ class Bifurcation:
 
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> logistic = System({x: 0 * x}, time=t, parameters={a: 2.8}, events=[Event(every=1, update={x: a * x * (1 - x)})])
-    >>> orbit = find_orbit(logistic, {x: 0.6}, period=1, phase=0.5)
-    >>> (flip,) = follow(orbit, a, to=3.3).bifurcations
+    >>> orbit = find_orbit(logistic, {x: 0.6}, seen=Strobe(1, phase=0.5))
+    >>> (flip,) = follow(orbit, {a: 3.3}).bifurcations
     >>> print(flip.kind, f"{flip.parameter:.6f}")
     flip 3.000000
     """
@@ -94,7 +93,7 @@ class Bifurcation:
     @property
     def at_saddles(self) -> str:
         """Where the orbit comes to rest on its way, in words; empty where it does not."""
-        places = [", ".join(f"{name} = {x:.9g}" for name, x in e.start.items()) for e in self.saddles]
+        places = [", ".join(f"{name} = {x:.9g}" for name, x in e.x0.items()) for e in self.saddles]
         return (
             f"its period grows without bound beside the saddle at {' and that at '.join(places)}"
             if places
@@ -118,39 +117,10 @@ class Bifurcation:
         return text
 
 
-@checks.door()
 def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
-    """All bifurcations on the way from one point of a branch to the next, in order.
+    """All bifurcations on the way from one point of a branch to the next, located, named, in order.
 
-    Parameters
-    ----------
-    walk : Walk
-        Predictor and corrector of the branch (arclength.py).
-    here, there : Point
-        Neighbours on the branch.
-
-    Returns
-    -------
-    list of Bifurcation
-        Located and named.
-
-    Notes
-    -----
-    Test functions are zeroed between points of one itinerary; a change of itinerary is enclosed by bisection.
-
-    Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the test functions.
-
-    `follow` asks it after every step:
-
-    >>> from pwsmooth.analysis.continuation.arclength import Walk
-    >>> t, x, a = sp.symbols("t x a", real=True)
-    >>> logistic = System({x: 0 * x}, time=t, parameters={a: 2.8}, events=[Event(every=1, update={x: a * x * (1 - x)})])
-    >>> orbit = find_orbit(logistic, {x: 0.6}, period=1, phase=0.5)
-    >>> walk = Walk(orbit, "a", scale=1.0)
-    >>> here = walk.point(orbit, np.array([0.0, 1.0]))
-    >>> there = walk.step(here, 0.3)
-    >>> [bifurcation.kind for bifurcation in bifurcations_between(walk, here, there)]
-    ['flip']
+    Test functions (Kuznetsov) are zeroed between points of one itinerary, and a change of itinerary is bisected.
     """
     bifurcations: list[Bifurcation] = []
     for _ in range(8):

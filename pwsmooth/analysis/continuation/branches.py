@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...door import checks
-from ...paths.budget import MOST_STEPS, Budget, opened, within
+from ...paths.budget import Budget, opened, within
 from ..equilibria.equilibrium import Equilibrium
 from ..maps.sections import Stroboscopic, depends_on_time
 from ..maps.symmetry import repeats_in
@@ -30,8 +30,9 @@ from .conditions.captures import CAPTURE
 from .equilibria.branch import EquilibriumBranch
 from .equilibria.branches import coordinate, follow_equilibrium, value_at
 from .jumps import end_at
+from .steps import Steps
 
-__all__ = ["Bifurcation", "Branch", "branch_off", "follow"]
+__all__ = ["Bifurcation", "Branch", "branch_off"]
 
 
 _MORE = 0.5  # of the range, to either side
@@ -58,7 +59,7 @@ class Branch(_Along):
 
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> system = System({x: a * sp.cos(t) - x}, time=t, parameters={a: 1})
-    >>> branch = follow(find_orbit(system, {x: 0}, period=2 * sp.pi), a, to=2)
+    >>> branch = follow(find_orbit(system, {x: 0}, seen=Strobe(2 * sp.pi)), {a: 2})
     >>> branch.end, bool(branch.stable.all())
     ('reached a = 2.', True)
     >>> print(f"{branch.values[-1]:g} {branch.x[0, -1]:.9f}")
@@ -81,6 +82,15 @@ class Branch(_Along):
     def _at(bifurcation: Any) -> Any:
         return bifurcation.orbit
 
+    def _joined(self, other: Branch) -> Branch:
+        """The way there, backwards, and another way from the same start."""
+        last = len(self.orbits)
+        places = [*(last - k for k in reversed(self.places)), *(last - 1 + k for k in other.places)]
+        return Branch(
+            self.parameter, [*self.orbits[:0:-1], *other.orbits], [*self.bifurcations[::-1], *other.bifurcations],
+            f"{self.end} {other.end}", places,
+        )  # fmt: skip
+
     @property
     def exponents(self) -> np.ndarray:
         """Lyapunov exponents of the orbits, log|multiplier|/period, shape (number of multipliers, number of orbits).
@@ -98,118 +108,70 @@ class Branch(_Along):
         }
 
 
-@checks.door(
-    orbit=checks.instance(
-        (PeriodicOrbit, Equilibrium), "a PeriodicOrbit or an Equilibrium, from find_orbit() or find_equilibrium()"
-    ),
-    to=checks.number, virtual=checks.flag, back=checks.optional(checks.number),
-    **dict.fromkeys(("step", "longest_step", "shortest_step"), checks.positive), most=checks.integer(1),
-)  # fmt: skip
-def follow(
-    orbit: PeriodicOrbit | Equilibrium,
-    parameter: Any,
-    to: float,
-    *,
-    back: float | None = None,
-    virtual: bool = False,
-    step: float = 0.02,
-    longest_step: float = 0.1,
-    shortest_step: float = 1e-7,
-    most: int = 500,
-    max_steps: int = 10 * MOST_STEPS,
-    max_seconds: float | None = None,
-) -> Branch | EquilibriumBranch:
-    """Follow a periodic orbit or an equilibrium over a parameter.
-
-    Parameters
-    ----------
-    orbit : PeriodicOrbit or Equilibrium
-        The first one, converged.
-    parameter : str or Symbol
-        Of the orbit's system. For one of a set of equilibria (a stuck block's) a state: the set is followed along it.
-    to : float, in the unit of the parameter
-        Where to stop.
-    back : float, optional
-        Where a branch that turns back stops, in the unit of the parameter: by default the value at which it began.
-    virtual : bool
-        Whether a branch of equilibria goes on beyond the surface, the bound of lambda or the reaction 0 at which its
-        equilibria become virtual, in the same mode; without it goes on in the mode beside. Orbits are never virtual.
-    step, longest_step, shortest_step : float, in units of the arc
-        Of the arc in (x, q/abs(to - back)); of equilibria x and multipliers count relative to 1 + what they are at
-        first.
-    most : int
-        Largest number of orbits.
-    max_steps, max_seconds : int, float (s), optional
-        Bounds of the whole branch, looked at after each orbit: what was followed until then is returned.
-
-    Returns
-    -------
-    Branch or EquilibriumBranch
-        Orbits or equilibria, bifurcations, and why it ended.
-
-    Raises
-    ------
-    ValueError, TypeError
-        An orbit that did not converge, an unknown parameter, `to` not different from the present value; `virtual` with
-        an orbit; a parameter for one of a set of equilibria; `back` on the side of `to`.
-
-    Notes
-    -----
-    Orbits of several applications of the map (`count`) end where they shrink onto one of fewer, at its flip: that is
-    the branch's last bifurcation, and its orbit leads on. A branch also ends where orbits are not isolated, and where
-    they do not repeat in the period that follows (a `period` given as a number while the frequency changes).
-
-    A period is shot over in one piece as long as its multipliers allow it (up to 1e4), then in segments, as many as
-    their growth asks for; they begin where the motion slips and no event is near, and move with the events.
-
-    Source: Keller's arclength continuation (1977); changes of itinerary as in di Bernardo, Budd,
-    Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008.
-
-    >>> t, x, v = sp.symbols("t x v", real=True)
-    >>> F = sp.Symbol("F", positive=True)
-    >>> dry = System({x: v, v: sp.sin(2*t) - x - F*sp.sign(v)}, time=t, parameters={F: 0.3})
-    >>> orbit = find_orbit(dry, {x: 1, v: 0.5}, period=sp.pi, symmetry={x: -x, v: -v})
-    >>> [b.kind for b in follow(orbit, F, to=0.8, step=0.1).bifurcations]
-    ['crossing-sliding']
-    """
-    if not orbit.success:
-        raise ValueError(f"`orbit` did not converge: {orbit.message}")
-    if isinstance(orbit, Equilibrium):
-        name = coordinate(orbit, parameter)
-        begin = value_at(orbit, name)
+def follow_branch(
+    start: PeriodicOrbit | Equilibrium, parameter: Any, to: Any, way: int | None, virtual: bool, steps: Steps,
+    max_steps: int, max_seconds: float | None,
+) -> Branch | EquilibriumBranch:  # fmt: skip
+    """The branch of an orbit or an equilibrium over a parameter, or of a set of equilibria along a state."""
+    if not start.success:
+        raise ValueError(f"`start` did not converge: {start.message}")
+    if isinstance(start, Equilibrium):
+        name = coordinate(start, parameter)
+        at = value_at(start, name)
     else:
         if virtual:
             raise ValueError(
                 "`virtual` is for equilibria; orbits are trajectories of the exact system. Leave it out."
             )
-        name = checks.lookup(parameter, orbit.system.parameters, "`parameter`", "parameter").name
-        orbit = _by_shorter_periods(orbit)
-        begin = value_of(orbit, name)
-    end = to
-    if abs(end - begin) > 1e100:
-        raise ValueError(
-            f"`to` is {end:g}, so far from {begin:g} that no derivative has that scale; give less."
-        )
-    if begin == end:
-        raise ValueError(f"`to` is {end:g}, where the orbit already is; give another value of {name}.")
-    if back is not None:
-        if (back - begin) * (end - begin) > 0:
+        name = checks.lookup(parameter, start.system.parameters, "`over`", "parameter").name
+        start = _by_shorter_periods(start)
+        at = value_of(start, name)
+    lengths, bound = steps._lengths(0.02, 0.1, 1e-7), opened(max_steps, max_seconds)
+    sides: list[Any] = []
+    for begin, end in _ways(name, at, to, way):
+        if abs(end - begin) > 1e100:
             raise ValueError(
-                f"`back` is {back:g}, on the same side as `to` from {begin:g}; give one on the other."
+                f"`over` of {name} reaches {end:g}, so far from {begin:g} that no derivative has that scale; give less."
             )
-        begin = back
-    lengths = step, longest_step, shortest_step
-    if isinstance(orbit, Equilibrium):
-        return follow_equilibrium(orbit, name, (begin, end), lengths, most, virtual, max_seconds)
-    bound = opened(max_steps, max_seconds)
-    branch, walk = Branch(name, [orbit]), Walk(orbit, name, abs(end - begin))
-    walk.until = bound
-    with within(Budget(_COUNTED)) as counted:
-        branch.end = followed(
-            branch, walk, begin, end, lengths, most,
-            lambda: _COUNTED - counted.left >= bound.left or bound.late(),
-        )  # fmt: skip
-    return branch
+        if isinstance(start, Equilibrium):
+            sides.append(
+                follow_equilibrium(start, name, (begin, end), lengths, steps.max_points, virtual, bound.late)
+            )
+            continue
+        branch, walk = Branch(name, [start]), Walk(start, name, abs(end - begin))
+        walk.until = bound
+        with within(Budget(_COUNTED)) as counted:
+            branch.end = followed(
+                branch, walk, begin, end, lengths, steps.max_points,
+                lambda: _COUNTED - counted.left >= bound.left or bound.late(),
+            )  # fmt: skip
+        sides.append(branch)
+    return sides[0] if len(sides) == 1 else sides[0]._joined(sides[1])
+
+
+def _ways(name: str, at: float, to: Any, way: int | None) -> list[tuple[float, float]]:
+    """(where a branch stops that has turned back, where it stops) of every way that it goes."""
+    if np.ndim(to) == 0:
+        to = checks.number(to, f"`over` of {name}")
+        if to == at:
+            raise ValueError(f"`over` of {name} is {to:g}, where the start already is; give another value.")
+        if way is not None:
+            raise ValueError(
+                f"`way` is for a range, and `over` of {name} is {to:g}; leave it out, or give (least, largest)."
+            )
+        return [(at, to)]
+    low, high = checks.interval(to, f"`over` of {name}")
+    if not low <= at <= high:
+        raise ValueError(
+            f"`over` of {name} goes from {low:g} to {high:g}, and the start is at {at:g}; give a range that holds it."
+        )
+    ends = [(high, low, -1), (low, high, 1)]
+    found = [(begin, end) for begin, end, sign in ends if end != at and way in (None, sign)]
+    if not found:
+        raise ValueError(
+            f"`way` is {way}, and the start is at this end of the range of {name}; give the other one."
+        )
+    return found
 
 
 def _by_shorter_periods(orbit: PeriodicOrbit) -> PeriodicOrbit:
@@ -307,7 +269,7 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
         here = walk.rescaled(walk.rephased(there))
         if there.orbit.segments is None and here.orbit.segments is not None:
             branch.orbits[-1] = here.orbit  # the same one, better known
-    return f"stopped after {len(branch.orbits)} orbits (`most`)."
+    return f"stopped after {len(branch.orbits)} orbits (`max_points`)."
 
 
 def _used_up(walk: Walk, here: Point) -> str:
@@ -337,7 +299,7 @@ def _ended(branch: Branch, walk: Walk, here: Point, ds: float) -> str:
     if last.saddles:
         return f"{last.kind} at {walk.name} = {last.parameter:.10g}: {last.at_saddles}."
     return (
-        f"{last.kind} at {walk.name} = {last.parameter:.10g}: no orbit was found beyond it. `follow_curve` follows it "
+        f"{last.kind} at {walk.name} = {last.parameter:.10g}: no orbit was found beyond it. `follow` goes on with it "
         "over two parameters."
     )
 
@@ -403,8 +365,8 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
 
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> logistic = System({x: 0 * x}, time=t, parameters={a: 2.8}, events=[Event(every=1, update={x: a * x * (1 - x)})])
-    >>> orbit = find_orbit(logistic, {x: 0.6}, period=1, phase=0.5)
-    >>> (flip,) = follow(orbit, a, to=3.3).bifurcations
+    >>> orbit = find_orbit(logistic, {x: 0.6}, seen=Strobe(1, phase=0.5))
+    >>> (flip,) = follow(orbit, {a: 3.3}).bifurcations
     >>> cycle = branch_off(flip, 0.02)
     >>> cycle.success, cycle.map.count, cycle.stable
     (True, 2, True)

@@ -49,7 +49,7 @@ class Codimension2:
     note : str
         What else is to be said.
     leads : tuple of Lead
-        The other curves that begin or pass there, for `follow_curve`.
+        The other curves that begin or pass there, for `follow`.
 
     Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the smooth ones; di Bernardo, Budd, Champneys,
     Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for the others.
@@ -57,9 +57,9 @@ class Codimension2:
     >>> t, x, a, b = sp.symbols("t x a b", real=True)
     >>> step = Event(every=1, update={x: a + b * x - x**3})
     >>> cubic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 1.8}, events=[step])
-    >>> orbit = find_orbit(cubic, {x: 1.2}, period=1, phase=0.5)
-    >>> fold = follow(orbit, a, to=-1).of_kind("fold")[0]
-    >>> (cusp,) = follow_curve(fold, {a: (-1, 1), b: (0, 2)}).of_kind("cusp")
+    >>> orbit = find_orbit(cubic, {x: 1.2}, seen=Strobe(1, phase=0.5))
+    >>> fold = follow(orbit, {a: -1}).of_kind("fold")[0]
+    >>> (cusp,) = follow(fold, {a: (-1, 1), b: (0, 2)}).of_kind("cusp")
     >>> print(f"{abs(cusp.values['a']):.6f} {cusp.values['b']:.6f}")
     0.000000 1.000000
     """
@@ -72,7 +72,7 @@ class Codimension2:
 
     @property
     def begins(self) -> tuple[str, ...]:
-        """Kinds of the other curves that begin or pass there: `follow_curve(point, ranges, kind=...)` follows them."""
+        """Kinds of the other curves that begin or pass there: `follow(point, over, kind=...)` follows them."""
         return tuple(lead.kind for lead in self.leads)
 
     def lead(self, kind: str | None) -> Lead:
@@ -86,7 +86,7 @@ class Codimension2:
         Returns
         -------
         Lead
-            For `follow_curve`.
+            For `follow`.
 
         Raises
         ------

@@ -20,22 +20,20 @@ import numpy as np
 
 from ...door import checks
 from ...door.documenting import complete
-from ...paths.budget import MOST_STEPS, Budget, opened, within
+from ...paths.budget import Budget, opened, within
 from ..equilibria.equilibrium import Equilibrium
 from ..maps.impacts import FromEvent
 from ..orbits.periodic_orbit import PeriodicOrbit
-from .bifurcations import BORDER, Bifurcation
 from .codimension import Codimension2, Lead
 from .conditions.conditions import Condition
-from .curves.starts import FOLLOWED, condition_of, given
+from .curves.starts import condition_of, given
 from .curves.walk import CurveWalk, Spot, where
 from .curves.ways import Way
-from .equilibria import curves as equilibrium_curves
-from .equilibria.branch import EquilibriumBifurcation
 from .equilibria.curves import EquilibriumCurve, follow_equilibria
 from .plane import InPlane
+from .steps import Steps
 
-__all__ = ["Codimension2", "Curve", "follow_curve"]
+__all__ = ["Codimension2", "Curve"]
 
 _COUNTED = 2**62
 # Of the scaled unknowns: Newton's method is not trusted so far from a start; the steps instead.
@@ -73,8 +71,8 @@ class Curve(InPlane):
     >>> t, x, a, b = sp.symbols("t x a b", real=True)
     >>> step = Event(every=1, update={x: a - x**2 + b * x})
     >>> quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
-    >>> (flip,) = follow(find_orbit(quadratic, {x: 0.3}, period=1, phase=0.5), a, to=1).bifurcations
-    >>> curve = follow_curve(flip, {a: (-1, 2), b: (-1, 1)})
+    >>> (flip,) = follow(find_orbit(quadratic, {x: 0.3}, seen=Strobe(1, phase=0.5)), {a: 1}).bifurcations
+    >>> curve = follow(flip, {a: (-1, 2), b: (-1, 1)})
     >>> curve.ends
     ('reached b = -1.', 'reached b = 1.')
     >>> p, q = curve.values
@@ -97,92 +95,19 @@ class Curve(InPlane):
         }
 
 
-@checks.door(
-    start=checks.instance(
-        (Bifurcation, PeriodicOrbit, Codimension2, EquilibriumBifurcation, Equilibrium),
-        "a bifurcation of a branch, an orbit or equilibrium near to one, or a Codimension2 of a curve",
-    ),
-    ranges=checks.mapping, virtual=checks.flag, most=checks.integer(1),
-    kind=checks.optional(checks.one_of(*FOLLOWED, BORDER, *equilibrium_curves.FOLLOWED)),
-    **dict.fromkeys(("step", "longest_step", "shortest_step"), checks.positive),
-)  # fmt: skip
 def follow_curve(
-    start: Bifurcation | PeriodicOrbit | Codimension2 | EquilibriumBifurcation | Equilibrium,
-    ranges: Mapping[Any, Any],
-    *,
-    kind: str | None = None,
-    switch: Any = None,
-    virtual: bool = False,
-    step: float = 0.01,
-    longest_step: float = 0.05,
-    shortest_step: float = 1e-6,
-    most: int = 500,
-    max_steps: int = 10 * MOST_STEPS,
-    max_seconds: float | None = None,
-) -> Curve | EquilibriumCurve:
-    """Follow a bifurcation over two parameters, to both sides.
-
-    Parameters
-    ----------
-    start : Bifurcation, PeriodicOrbit, EquilibriumBifurcation, Equilibrium or Codimension2
-        One of a branch's `bifurcations`; an orbit or equilibrium near to one, whose `kind` is given; or one of the
-        `points` of a curve, at which another one `begins`.
-    ranges : mapping of (str or Symbol) to (float, float), in the units of the parameters
-        The two parameters, each with the least and the largest value.
-    kind : str, optional
-        Of an orbit: "fold", "flip", "symmetry breaking", "torus" or "branch point"; or, on the side that does not touch
-        it, "grazing impact", "grazing", "grazing-sliding", "grazing of an event" or "adding-sliding";
-        "border collision"; or "capture", of a layered view with a finite ratio. Of an equilibrium: "fold", "Hopf",
-        "sliding Hopf", "hidden fold", "pseudo-Hopf", "two-fold" or "boundary equilibrium" (of the switch or contact
-        whose border is nearest). Of a point of codimension 2: one of what it `begins`, if that is more than one.
-    switch : Switch, Symbol, str or Expr, optional
-        Of an orbit that is about to graze: the switch, contact or event. Of a border collision: h(x), of states and
-        parameters, which is 0 at the orbit's point on its section.
-    virtual : bool
-        Go on where orbits are none of the exact system, whose impact has a negative speed or which have crossed a
-        surface that they graze: their `success` is False.
-    step, longest_step, shortest_step : float, in units of the arc
-        Of the arc in (x, p/width, q/width), the widths being those of `ranges`.
-    most : int
-        Largest number of orbits to either side.
-    max_steps, max_seconds : int, float (s), optional
-        Bounds of the whole curve, looked at after each orbit: what was followed until then is returned.
-
-    Returns
-    -------
-    Curve or EquilibriumCurve
-        Orbits or equilibria, points of codimension 2, and why it ended.
-
-    Raises
-    ------
-    ValueError, TypeError
-        A bifurcation of a kind that has no condition here, no two parameters, a start outside the ranges.
-
-    Source: Keller's arclength continuation (1977); Govaerts, Numerical Methods for Bifurcations of Dynamical
-    Equilibria, 2000, for bordered test functions; Kuznetsov, Elements of Applied Bifurcation Theory, for the names.
-
-    The flip of the Henon map, 4 a = 3 (1 - b)**2:
-
-    >>> t, x, y, a, b = sp.symbols("t x y a b", real=True)
-    >>> step = Event(every=1, update={x: 1 - a * x**2 + y, y: b * x})
-    >>> henon = System({x: 0 * x, y: 0 * y}, time=t, parameters={a: 0.1, b: 0.3}, events=[step])
-    >>> orbit = find_orbit(henon, {x: 0.6, y: 0.2}, period=1, phase=0.5)
-    >>> (flip,) = follow(orbit, a, to=0.6).of_kind("flip")
-    >>> curve = follow_curve(flip, {a: (0, 2), b: (-0.5, 0.5)})
-    >>> p, q = curve.values
-    >>> bool(abs(4 * p - 3 * (1 - q) ** 2).max() < 1e-8)
-    True
-    """
+    start: Any, over: Mapping[Any, Any], kind: str | None, switch: Any, virtual: bool, steps: Steps, max_steps: int,
+    max_seconds: float | None,
+) -> Curve | EquilibriumCurve:  # fmt: skip
+    """The curve of a bifurcation over two parameters, to both sides."""
+    lengths, most = steps._lengths(0.01, 0.05, 1e-6), steps.max_points
+    budget = opened(max_steps, max_seconds)
     still = start.orbit if isinstance(start, Codimension2) else getattr(start, "equilibrium", start)
     if isinstance(still, Equilibrium):
-        both, bounds = _in_ranges(ranges, still.system)
-        return follow_equilibria(
-            start, kind, both, bounds, (step, longest_step, shortest_step), most, virtual, max_seconds
-        )
-    orbit, name, lead = given(start, kind, switch)  # type: ignore[arg-type]
-    both, bounds = _in_ranges(ranges, orbit.system)
-    budget = opened(max_steps, max_seconds)
-    lengths = step, longest_step, shortest_step
+        both, bounds = _in_ranges(over, still.system)
+        return follow_equilibria(start, kind, both, bounds, lengths, most, virtual, budget.late)
+    orbit, name, lead = given(start, kind, switch)
+    both, bounds = _in_ranges(over, orbit.system)
     with within(Budget(_COUNTED)) as counted:
         return _both_sides(
             lead, condition_of(lead, name, both), both, bounds, lengths, most, virtual,
@@ -190,17 +115,17 @@ def follow_curve(
         )  # fmt: skip
 
 
-def _in_ranges(ranges: Mapping[Any, Any], system: Any) -> tuple[tuple[str, str], np.ndarray]:
+def _in_ranges(over: Mapping[Any, Any], system: Any) -> tuple[tuple[str, str], np.ndarray]:
     """The names of both parameters and the bounds, which hold the system's values."""
     known = system.parameters
-    names = tuple(checks.lookup(key, known, "`ranges`", "parameter").name for key in ranges)
+    names = tuple(checks.lookup(key, known, "`over`", "parameter").name for key in over)
     if len(set(names)) != 2:
-        raise ValueError(f"`ranges` names {', '.join(map(str, ranges)) or 'nothing'}; give two parameters.")
-    bounds = np.array([checks.interval(pair, f"`ranges` of {key}") for key, pair in ranges.items()])
+        raise ValueError(f"`over` names {', '.join(map(str, over)) or 'nothing'}; give two parameters.")
+    bounds = np.array([checks.interval(pair, f"`over` of {key}") for key, pair in over.items()])
     first = np.array([next(float(v) for p, v in known.items() if p.name == q) for q in names])
     if not np.all((bounds[:, 0] <= first) & (first <= bounds[:, 1])):
         at = ", ".join(f"{q} = {value:.9g}" for q, value in zip(names, first))
-        raise ValueError(f"`ranges` leaves out the start, {at}; give ranges that hold it.")
+        raise ValueError(f"`over` leaves out the start, {at}; give ranges that hold it.")
     return (names[0], names[1]), bounds
 
 

@@ -74,7 +74,7 @@ class Equilibrium(Described):
         return np.array([unit_of(size) for size in self._unit or (1.0,) * own])
 
     @property
-    def start(self) -> dict[str, float]:
+    def x0(self) -> dict[str, float]:
         """The state by name, as `solve` takes it."""
         return {str(s): float(value) for s, value in zip(self.system.model.states, self.x)}
 
@@ -199,7 +199,7 @@ class Equilibrium(Described):
         sides = [f"{k} = {v:+.0f}" for k, v in names.items() if kinds[k] == "switch" and k not in held]
         sides += [f"{k} slips" for k in names if kinds[k] == "disc" and k not in held]
         return f"Equilibrium: {kind}", {
-            "at": values(self.start, self.x),
+            "at": values(self.x0, self.x),
             "held": values(shown, list(shown.values())),
             "sides": listed(sides),
             "eigenvalues": listed(list(map(number, self.eigenvalues))),

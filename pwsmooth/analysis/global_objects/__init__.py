@@ -7,7 +7,6 @@ _HOME = {
     "FoldLine": "portrait",
     "Manifold": "manifolds",
     "Meeting": "arms",
-    "REGIONS": "portrait",
     "SlidingPortrait": "portrait",
     "TwoFold": "portrait",
     "manifold": "manifolds",

@@ -261,7 +261,7 @@ class Growing:
                 return f"reached the length {self.rules.length:g}."
             first = False
         if self.room <= 0:
-            return f"stopped after {len(self.points)} points (`most`)."
+            return f"stopped after {len(self.points)} points (`max_points`)."
         return ""
 
     def lift(self, x: np.ndarray) -> None:

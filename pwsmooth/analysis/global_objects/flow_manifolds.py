@@ -21,7 +21,7 @@ from ...door import checks
 from ...paths.backward import where_it_ends
 from ...paths.derivatives.linearised import linearise, rates
 from ...results.records import Outcome
-from ...solve import solve
+from ...solving import solve
 from ..equilibria.disc_modes import in_mode
 from ..equilibria.equilibrium import Equilibrium
 from .arms import Arm, Growing, Meeting, Rules, Sample, dense

@@ -192,7 +192,7 @@ class Manifold(Described):
         lines = [f"length {arm.length:.6g}, {arm.points.shape[1]} points: {arm.end}" for arm in self.arms]
         met = [str(meeting) for arm in self.arms for meeting in arm.meetings]
         return f"Manifold: {self.kind}, of an {what}", {
-            "at": values(self.saddle.start, self.saddle.x),
+            "at": values(self.saddle.x0, self.saddle.x),
             "arms": lines,
             "meets": list(some(met)),
         }.items()
@@ -204,7 +204,7 @@ class Manifold(Described):
     ),
     kind=checks.one_of("unstable", "stable"), length=checks.optional(checks.positive),
     box=checks.optional(checks.mapping), spacing=checks.optional(checks.positive), angle=checks.positive,
-    most=checks.integer(10, 10**7),
+    max_points=checks.integer(10, 10**7),
 )  # fmt: skip
 def manifold(
     saddle: PeriodicOrbit | Equilibrium,
@@ -214,7 +214,7 @@ def manifold(
     box: Mapping[Any, Any] | None = None,
     spacing: float | None = None,
     angle: float = 0.2,
-    most: int = 20_000,
+    max_points: int = 20_000,
     max_steps: int = 10 * MOST_STEPS,
     max_seconds: float | None = None,
 ) -> Manifold:
@@ -235,7 +235,7 @@ def manifold(
         Largest distance of neighbours, in the units of the states; by default 1/200 of the length or of the box.
     angle : float, in radians
         Largest turn at a point; corners keep theirs.
-    most : int
+    max_points : int
         Points of an arm at most.
     max_steps, max_seconds : int, float (s), optional
         Bounds of all runs together: an arm ends where they are used up.
@@ -263,7 +263,7 @@ def manifold(
 
     >>> t, x, y = sp.symbols("t x y", real=True)
     >>> square = Event(every=1, update={x: 2 * x, y: y / 2 + x**2})
-    >>> saddle = find_orbit(System({x: 0 * x, y: 0 * y}, time=t, events=[square]), {x: 0, y: 0}, period=1)
+    >>> saddle = find_orbit(System({x: 0 * x, y: 0 * y}, time=t, events=[square]), {x: 0, y: 0}, seen=Strobe(1))
     >>> out = manifold(saddle, "unstable", box={x: (-1, 1)})
     >>> bool(abs(out.points[1] - 2 / 7 * out.points[0] ** 2)[:200].max() < 1e-11)
     True
@@ -287,7 +287,9 @@ def manifold(
     reach = min(
         math.inf if length is None else length, float(np.linalg.norm(sizes)) if sizes.size else math.inf
     )
-    rules = Rules(math.inf if length is None else length, low, high, spacing or reach / _PARTS, angle, most)
+    rules = Rules(
+        math.inf if length is None else length, low, high, spacing or reach / _PARTS, angle, max_points
+    )
     grown: Any = arms_of_equilibrium if isinstance(saddle, Equilibrium) else _arms
     with within(opened(max_steps, max_seconds)):
         return Manifold(saddle, kind, tuple(grown(saddle, kind == "stable", rules)))

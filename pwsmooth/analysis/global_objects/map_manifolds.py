@@ -21,7 +21,7 @@ import numpy as np
 
 from ...definition.pointwise import value
 from ...results.records import Outcome
-from ...solve import behind_the_door
+from ...solving import behind_the_door
 from ..maps.poincare import Word
 from ..maps.sections import Section
 from ..orbits.fixed_points import onto_section

@@ -17,7 +17,7 @@ from ...door.documenting import complete
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["REGIONS", "FoldLine", "SlidingPortrait", "TwoFold"]
+__all__ = ["FoldLine", "SlidingPortrait", "TwoFold"]
 
 #: Kinds of regions, by their number; -1 where there are no values.
 REGIONS = (
@@ -203,7 +203,7 @@ class SlidingPortrait(Described):
         for two in self.two_folds:
             ax.plot(*two.point, "D", color=COLOUR["exact"], markersize=5)
         for e in self.equilibria:
-            at = [e.start[name] for name in self.coordinates]
+            at = [e.x0[name] for name in self.coordinates]
             ax.plot(*at, "o", color=COLOUR["exact"], fillstyle="full" if e.stable else "none")
         if new:
             for name, shade in (("attracting sliding", 3), ("repelling sliding", 4), ("captured", 5)):
@@ -227,6 +227,6 @@ class SlidingPortrait(Described):
             "hidden folds": [f"{line.shape[1]} points, lambda {line[2].min():.6g} to {line[2].max():.6g}"
                              for line in self.hidden_folds],
             "two-folds": [f"{two.kind} at ({two.point[0]:.9g}, {two.point[1]:.9g})" for two in self.two_folds],
-            "pseudo-equilibria": [f"{e.stability} at " + ", ".join(f"{n} = {e.start[n]:.9g}" for n in self.coordinates)
+            "pseudo-equilibria": [f"{e.stability} at " + ", ".join(f"{n} = {e.x0[n]:.9g}" for n in self.coordinates)
                                   for e in self.equilibria],
         }.items()  # fmt: skip

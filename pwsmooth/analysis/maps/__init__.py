@@ -4,12 +4,12 @@ from ... import on_first_use
 
 _HOME = {
     "Image": "sections",
+    "Return": "seen",
     "Section": "sections",
+    "Strobe": "seen",
     "Stroboscopic": "sections",
-    "Variations": "variations",
-    "Word": "sections",
-    "symmetry_matrix": "symmetry",
-    "variations": "variations",
+    "Variations": "first_order",
+    "variations": "first_order",
     "word_of": "sections",
 }
 

@@ -21,11 +21,11 @@ import numpy as np
 
 from ...paths.derivatives.linearised import linearise
 from ...results.solution import Solution
+from .first_order import chosen_parameters
 from .holding import held, index_of, not_held, strength_of
 from .parts import function_of, last_rates, part_of, seeds_of, surface_of
 from .poincare import Image, lost, why_stopped
 from .sections import Stroboscopic
-from .variations import chosen_parameters
 from .windows import WIDEST, Window, in_window
 
 

@@ -1,6 +1,6 @@
 """Runs that are parts of an orbit, with their deviations, and functions of what stands on a surface along them.
 
-Chain: paths/derivatives/tangents.py, variations.py -> **parts** -> windows.py, impacts.py.
+Chain: paths/derivatives/tangents.py, first_order.py -> **parts** -> windows.py, impacts.py.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ...definition.regularity import total_derivative
 from ...paths.derivatives.linearised import rates
 from ...results.outputs import vectorised
 from ...results.solution import Solution
-from .variations import has_series, without_derivative
+from .first_order import has_series, without_derivative
 
 _EACH = 8  # places a step at which an extreme is looked for
 

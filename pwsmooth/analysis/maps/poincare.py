@@ -19,10 +19,10 @@ from ...paths.budget import whole
 from ...paths.call import Scratch
 from ...results.records import Outcome
 from ...results.solution import Solution
-from ...solve import behind_the_door, solve
+from ...solving import behind_the_door, solve
 from .constraints import on_constraints
+from .first_order import chosen_parameters
 from .scales import Scale, scale_along, scale_of_populations, unit_of
-from .variations import chosen_parameters
 
 #: (switch, kind, from and to) of every event: an itinerary in letters.
 Word = tuple[tuple[str, str, str], ...]

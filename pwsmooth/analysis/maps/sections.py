@@ -4,7 +4,7 @@
     N(x) = G**-1 phi(t0 + T/2; t0, x)     a half one, for a system with the symmetry (x, t) -> (G x, t + T/2); N N = P
     P(x) = first return to h = 0          autonomous systems, D P = (1 - f grad h/(grad h f)) Phi
 
-Chain: poincare.py, variations.py -> **sections** -> periodic_orbit.py, orbits.py, continuation.py, sweep/basins.py.
+Chain: poincare.py, first_order.py -> **sections** -> orbits, continuation, studies/attraction.py.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from ...door import checks
 from ...paths.derivatives.linearised import linearise
 from ...results.records import Outcome
 from ...results.solution import Solution
-from .poincare import RETURN, Image, Leg, Word, _Map, lost, why_stopped, word_of
+from .first_order import chosen_parameters, moved
+from .poincare import RETURN, Image, Leg, _Map, lost, why_stopped, word_of
 from .scales import extents
+from .seen import LONGEST, Return, Strobe, how_seen
 from .symmetry import symmetry_matrix
-from .variations import chosen_parameters, moved
 
-__all__ = ["Image", "Section", "Stroboscopic", "Word", "word_of"]
+__all__ = ["Image", "Section", "Stroboscopic", "word_of"]
 
-LONGEST = 1e3  # unit of the model's time: how long a return is waited for unless more is asked for
 _ROUNDING = 1e-12  # of a state: a start so near to its section has not left it
 _SLOW = 1e-12  # of the mean speed across the section on the way: slower, it is not crossed
 _FEW_STEPS = 300  # without a return in LONGEST: a run of fewer waits ten times as long
@@ -429,27 +429,14 @@ class Section(_Map):
 
 
 def poincare_map(
-    system: Any,
-    period: Any,
-    section: Any,
-    direction: int,
-    longest: float,
-    options: Mapping[str, Any],
-    **more: Any,
+    system: Any, seen: Strobe | Return, options: Mapping[str, Any], count: int = 1, symmetric: bool = False
 ) -> Stroboscopic | Section:
-    """The map of a driven system or of an autonomous one: `period` and `section` as they are given at a door.
-
-    ValueError for neither or both of them.
-    """
-    if (period is None) == (section is None):
-        said = "neither `period` nor `section` is" if period is None else "`period` and `section` are both"
-        raise ValueError(
-            f"{said} given; give one of them, the period of the forcing or a surface of an autonomous system."
-        )
-    if section is None:
-        return Stroboscopic(system, period=period, options=options, **more)
-    surface = section_of(system, section, "`section`")
-    return Section(system, surface=surface, direction=direction, longest=longest, options=options, **more)
+    """The map of a driven system or of an autonomous one; of whole periods unless it is to be `symmetric`."""
+    if isinstance(how_seen(seen, "`seen`"), Strobe):
+        symmetry = seen.symmetry if symmetric else None
+        return Stroboscopic(system, seen.period, count, seen.phase, symmetry, options=options)
+    surface = section_of(system, seen.section, "`section`")
+    return Section(system, surface, seen.direction, count, seen.longest, options=options)
 
 
 def section_of(system: Any, surface: Any, what: str) -> sp.Expr:
@@ -462,8 +449,8 @@ def section_of(system: Any, surface: Any, what: str) -> sp.Expr:
         raise ValueError(f"{what} is {e}{said}; give a function of states {checks.listing(model.states)}.")
     if depends_on_time(model):
         raise ValueError(
-            f"the system depends on time, so returns to {what} are no map of its states. Give the period of the "
-            "forcing (`period`, or Stroboscopic) instead."
+            f"the system depends on time, so returns to {what} are no map of its states. Give Strobe(period), with the "
+            "period of the forcing, instead."
         )
     return e
 

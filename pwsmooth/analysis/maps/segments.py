@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 from ...results.solution import Solution
+from .first_order import sticks_at_start
 from .poincare import Cuts, Image, Leg
-from .variations import sticks_at_start
 
 TOO_LONG = 1e4  # multiplier beyond which an orbit is not shot over in one piece
 _MOST = 1e3  # growth of a segment, with which it is cut anew
@@ -61,7 +61,7 @@ class Segments:
     >>> import sympy as sp
     >>> from pwsmooth import System, find_orbit
     >>> t, x = sp.symbols("t x", real=True)
-    >>> orbit = find_orbit(System({x: 3 * x + sp.cos(t)}, time=t), {x: 0}, period=2 * sp.pi)
+    >>> orbit = find_orbit(System({x: 3 * x + sp.cos(t)}, time=t), {x: 0}, seen=Strobe(2 * sp.pi))
     >>> len(orbit.segments), bool(abs(orbit.segments.matrices).max() < 1e4 < abs(orbit.multipliers[0]))
     (5, True)
     """

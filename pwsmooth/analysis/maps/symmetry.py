@@ -17,40 +17,11 @@ from ...definition.pointwise import value
 from ...door import checks
 from ...paths.derivatives.linearised import rates
 
-__all__ = ["symmetry_matrix"]
 
-
-@checks.door(system=checks.system, period=checks.positive)
 def symmetry_matrix(system: Any, symmetry: Mapping[Any, Any], period: float) -> np.ndarray:
-    """The matrix G of a symmetry (x, t) -> (G x, t + T/2), checked against the field.
+    """The matrix G (n, n) of a symmetry (x, t) -> (G x, t + T/2), checked against the field at random points.
 
-    Parameters
-    ----------
-    system : System
-        Driven with `period`.
-    symmetry : mapping of state to Expr
-        Images of states, linear in the states; what is not named stays.
-    period : float, in the unit of the model's time
-        T.
-
-    Returns
-    -------
-    ndarray, shape (n, n)
-        G, in units of the image's state over the state's.
-
-    Raises
-    ------
-    ValueError
-        Not linear, not invertible, or (x, t) -> (G x, t + T/2) does not map the system to itself.
-
-    Notes
-    -----
-    The field is compared at random points off the surfaces.
-
-    >>> t, x, v = sp.symbols("t x v", real=True)
-    >>> driven = System({x: v, v: sp.cos(t) - x - sp.sign(v) / 4}, time=t)
-    >>> symmetry_matrix(driven, {x: -x, v: -v}, 2 * math.pi).tolist()
-    [[-1.0, 0.0], [0.0, -1.0]]
+    ValueError where it is not linear, not invertible, or no symmetry of the system.
     """
     states = system.model.states
     images = {x: x for x in states}

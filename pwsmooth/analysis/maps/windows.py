@@ -24,11 +24,11 @@ import numpy as np
 from ...definition.model import Model
 from ...paths.derivatives.linearised import linearise
 from ...results.solution import Solution
+from .first_order import chosen_parameters
 from .holding import caught, held, passed, strength_of
 from .parts import Part, functions_of, minima, one_sided, part_of, seeds_of, surface_of, with_ratio
 from .poincare import RETURN, Image, lost, why_stopped
 from .sections import Leg, Stroboscopic
-from .variations import chosen_parameters
 
 WIDEST = 0.25  # of one application of the map: a window to either side of what it is about
 TOUCHED = 1e-6  # in the unit of h: an orbit that touches

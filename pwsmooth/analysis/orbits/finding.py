@@ -20,7 +20,8 @@ from ...door import calls, checks
 from ...paths.budget import whole
 from ..maps.poincare import Image
 from ..maps.scales import extents, lowest, scale_at
-from ..maps.sections import LONGEST, Section, Stroboscopic, poincare_map
+from ..maps.sections import Section, Stroboscopic, poincare_map
+from ..maps.seen import Return, Strobe, how_seen
 from ..maps.segments import SHORT, TOO_LONG, Shooting, cut, growth, sizes
 from ..maps.symmetry import turns_of
 from .absence import why_none
@@ -42,23 +43,19 @@ _RECURRENCE = 1e-5  # a transient that returns so closely is near a periodic orb
 
 @checks.door(
     (*calls.RUNS, "parameters"),
-    system=checks.system, direction=checks.one_of(1, -1), count=checks.optional(checks.integer(1)), phase=checks.number,
-    symmetry=checks.optional(checks.mapping), transient=checks.integer(0, 10**7), most=checks.integer(1),
-    segments=checks.optional(checks.integer(1, 10**4)), angles=checks.optional(checks.mapping),
+    system=checks.system, seen=how_seen, count=checks.optional(checks.integer(1)), transient=checks.integer(0, 10**7),
+    max_count=checks.integer(1), segments=checks.optional(checks.integer(1, 10**4)),
+    angles=checks.optional(checks.mapping),
 )  # fmt: skip
 @whole
 def find_orbit(
     system: Any,
     x0: Any,
+    seen: Strobe | Return,
     *,
-    period: Any = None,
-    section: Any = None,
-    direction: int = 1,
     count: int | None = None,
-    phase: float = 0.0,
-    symmetry: Mapping[Any, Any] | None = None,
     transient: int = 0,
-    most: int = 16,
+    max_count: int = 16,
     segments: int | None = None,
     angles: Mapping[Any, float] | None = None,
     **options: Any,
@@ -71,19 +68,11 @@ def find_orbit(
         Event-driven or smoothed.
     x0 : mapping or sequence of float, length n
         First guess, on the section or not, in the units of the states.
-    period : float or Expr, in the unit of the model's time
-        Of the forcing; or
-    section : Expr
-        A surface, function of states, for an autonomous system.
     count : int, optional
         Forcing periods (returns) of the orbit; found from the transient if not given, 1 without a transient.
-    phase : float, dimensionless
-        The section is t = phase*period; choose one at which nothing switches or sticks.
-    symmetry : mapping of state to Expr, optional
-        (x, t) -> (G x, t + T/2): finds symmetric orbits, also unstable ones, through half a period.
     transient : int
         Applications of the map before Newton's method starts.
-    most : int
+    max_count : int
         Longest orbit looked for in the transient, in applications of the map.
     segments : int, optional
         In how many pieces a period is shot over; by default in one, and in as many as their growth asks for where a
@@ -103,11 +92,11 @@ def find_orbit(
     Raises
     ------
     ValueError, TypeError
-        Bad input; neither or both of `period` and `section`.
+        Bad input; `angles` together with a symmetry.
 
     Notes
     -----
-    Newton's method with the exact derivative of the map (variations.py).
+    Newton's method with the exact derivative of the map (first_order.py).
 
     Source: U. Ascher, R. Mattheij, R. Russell, Numerical Solution of Boundary Value Problems for ODEs (1995), ch. 4,
     for segments.
@@ -116,21 +105,19 @@ def find_orbit(
 
     >>> t, x, v = sp.symbols("t x v", real=True)
     >>> dry = System({x: v, v: sp.sin(sp.Rational(2, 3)*t) - x - sp.sign(v)/4}, time=t)
-    >>> orbit = find_orbit(dry, {x: 1, v: 0.5}, period=3*sp.pi, symmetry={x: -x, v: -v})
+    >>> orbit = find_orbit(dry, {x: 1, v: 0.5}, Strobe(3*sp.pi, symmetry={x: -x, v: -v}))
     >>> orbit.success, len(orbit.word)
     (True, 1)
     """
-    if section is not None and symmetry is not None:
-        raise ValueError("`symmetry` belongs to forced systems, together with `period`; leave it out.")
-    more = {} if section is not None else {"phase": phase, "symmetry": symmetry}
-    first = poincare_map(system, period, section, direction, LONGEST, options, count=count or 1, **more)
+    first = poincare_map(system, seen, options, count or 1, symmetric=True)
+    symmetric = getattr(first, "symmetry", None) is not None
     at = np.array(system.initial_state(x0), float)
     first, begun = first._with(scale=scale_at(at)), None
     if angles is not None:
-        if symmetry is not None:
+        if symmetric:
             raise ValueError("`angles` and `symmetry` are both given; find the orbit without its symmetry.")
         first = first._with(angles=turns_of(system, angles, getattr(first, "surface", None)))
-    if section is not None:
+    if isinstance(first, Section):
         # The guess need not lie on the section: the first return does.
         begun = first.image(at)
         if not begun.success:
@@ -149,8 +136,8 @@ def find_orbit(
                 said += _COMES_TO_REST if left.max() <= _RESTS else ""
             return none_found(first, at, said)
         at = first.within_a_turn(points[-1], at)
-        if count is None and symmetry is None:
-            first = replace(first, count=_recurrence(points, most, first))
+        if count is None and not symmetric:
+            first = replace(first, count=_recurrence(points, max_count, first))
     orbit = _refined(first, at, segments, begun)
     if orbit.success and "atol" in options:
         _warn_below(orbit)

@@ -2,7 +2,7 @@
 
     F(x) = P(x) - x = 0,    (D P - 1) dx = -F
 
-D P comes from the variational equations and saltation matrices (variations.py). A stick makes it singular, which does
+D P comes from the variational equations and saltation matrices (first_order.py). A stick makes it singular, which does
 no harm: only an eigenvalue 1 of D P does. The step is shortened while the return does not improve.
 
 Whether what is found repeats in the period that follows is another question: the map begins each time at its own start

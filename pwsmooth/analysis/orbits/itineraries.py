@@ -153,7 +153,7 @@ def same_itinerary(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
     >>> F = sp.Symbol("F", positive=True)
     >>> dry = System({x: v, v: sp.sin(2 * t) - x - F * sp.sign(v)}, time=t, parameters={F: 0.3})
     >>> mirror = {x: -x, v: -v}
-    >>> orbits = [find_orbit(dry.with_parameters({F: f}), {x: 1, v: 0.5}, period=sp.pi, symmetry=mirror)
+    >>> orbits = [find_orbit(dry.with_parameters({F: f}), {x: 1, v: 0.5}, seen=Strobe(sp.pi, symmetry=mirror))
     ...           for f in (0.3, 0.31, 0.7)]
     >>> same_itinerary(orbits[0], orbits[1]), same_itinerary(orbits[0], orbits[2])
     (True, False)
@@ -184,8 +184,8 @@ def change_between(one: PeriodicOrbit, other: PeriodicOrbit) -> Change:
     >>> t, x, v = sp.symbols("t x v", real=True)
     >>> F = sp.Symbol("F", positive=True)
     >>> dry = System({x: v, v: sp.sin(2 * t) - x - F * sp.sign(v)}, time=t, parameters={F: 0.3})
-    >>> orbit = find_orbit(dry, {x: 1, v: 0.5}, period=sp.pi, symmetry={x: -x, v: -v})
-    >>> (found,) = follow(orbit, F, to=0.8, step=0.1).bifurcations
+    >>> orbit = find_orbit(dry, {x: 1, v: 0.5}, seen=Strobe(sp.pi, symmetry={x: -x, v: -v}))
+    >>> (found,) = follow(orbit, {F: 0.8}, steps=Steps(first=0.1)).bifurcations
     >>> change_between(found.orbit, found.beyond).name
     'crossing-sliding'
     """

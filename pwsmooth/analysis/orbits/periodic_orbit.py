@@ -20,9 +20,10 @@ import numpy as np
 from ...door import calls, checks
 from ...door.describe import Described, Rows, listed, number, some, values
 from ...results.solution import Solution
-from ...solve import solve
+from ...solving import solve
 from ..maps.multipliers import cyclic_multipliers, within_roundings
-from ..maps.sections import Section, Stroboscopic, Word
+from ..maps.poincare import Word
+from ..maps.sections import Section, Stroboscopic
 from ..maps.segments import Segments, Shooting
 
 __all__ = ["PeriodicOrbit"]
@@ -77,8 +78,8 @@ class PeriodicOrbit(Described):
     The orbit of dx/dt = cos t - x has the multiplier exp(-2 pi):
 
     >>> t, x = sp.symbols("t x", real=True)
-    >>> orbit = find_orbit(System({x: sp.cos(t) - x}, time=t), {x: 0}, period=2 * sp.pi)
-    >>> print(f"{orbit.start['x']:.9f} {orbit.multipliers[0].real:.9f} {math.exp(-2 * math.pi):.9f}")
+    >>> orbit = find_orbit(System({x: sp.cos(t) - x}, time=t), {x: 0}, seen=Strobe(2 * sp.pi))
+    >>> print(f"{orbit.x0['x']:.9f} {orbit.multipliers[0].real:.9f} {math.exp(-2 * math.pi):.9f}")
     0.500000000 0.001867443 0.001867443
     """
 
@@ -213,7 +214,7 @@ class PeriodicOrbit(Described):
         return {name: round(way / turn) for name, way, turn in zip(names, went.tolist(), turns) if turn}
 
     @property
-    def start(self) -> dict[str, float]:
+    def x0(self) -> dict[str, float]:
         """State on the section by name, as `solve` takes it."""
         return {str(s): float(value) for s, value in zip(self.system.model.states, self.x)}
 
@@ -305,7 +306,7 @@ class PeriodicOrbit(Described):
         told = self.message.startswith("no orbit")
         missing = f"N{self.message[1:]}" if told else f"No orbit: {self.message}"
         return f"PeriodicOrbit: {kind}, period {self.period:.9g}{pieces}" if self.success else missing, {
-            "at": values(self.start, self.x),
+            "at": values(self.x0, self.x),
             "turns": [f"{name} {count}" for name, count in self.winding.items()] if self.success else [],
             "multipliers": listed(list(map(number, self.multipliers))),
             "events": [" | ".join(some([kind for _, kind, _ in self.word])) or "none"],

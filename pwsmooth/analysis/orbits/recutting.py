@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...results.solution import Solution
+from ..maps.first_order import sticks_at_start
 from ..maps.impacts import EventImage, FromEvent
 from ..maps.pieces import Pieces
 from ..maps.poincare import why_stopped
@@ -28,7 +29,6 @@ from ..maps.segments import (
     settled,
     sizes,
 )
-from ..maps.variations import sticks_at_start
 from ..maps.windows import WIDEST, Windowed, touching
 from .periodic_orbit import PeriodicOrbit
 

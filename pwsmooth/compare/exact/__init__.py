@@ -3,7 +3,7 @@
 from ... import on_first_use
 
 _HOME = dict.fromkeys(("Check", "ExactProblem", "Verdict"), "contract") | {
-    "problems": "verify",
-    "verify": "verify",
+    "problems": "verifying",
+    "verify": "verifying",
 }
 __getattr__, __dir__ = on_first_use(__name__, _HOME)

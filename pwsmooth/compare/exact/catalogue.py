@@ -14,7 +14,7 @@ import sympy as sp
 
 from ...analysis.sticking.capture import capture_threshold
 from ...definition.primitives import Switch, Unilateral
-from ...solve import solve
+from ...solving import solve
 from ...system import System
 from .contract import Check, ExactProblem
 

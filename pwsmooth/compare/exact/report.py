@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from .contract import ExactProblem, Verdict
-from .verify import problems, verify
+from .verifying import problems, verify
 
 
 def list_problems() -> bool:

@@ -11,10 +11,10 @@ import functools
 
 import numpy as np
 
-from ...solve import solve
-from ..work_precision.case import Case
-from ..work_precision.cases import CASES
-from ..work_precision.plain import plain
+from ...solving import solve
+from ..efficiency.case import Case
+from ..efficiency.cases import CASES
+from ..efficiency.plain import plain
 from .failures import Finding, attempt
 from .hazard import Axis, Hazard, decades
 from .unguarded import SCIPY, cvode, scipy_end
@@ -27,7 +27,7 @@ def _exact(name: str) -> np.ndarray:
     """State at the end of a scene, where the runs at two tolerances agree."""
     case = CASES[name]
     ends = [
-        solve(case.system, (0.0, case.t_end), case.start, rtol=rtol, atol=1e-2 * rtol).x[:, -1]
+        solve(case.system, (0.0, case.t_end), case.x0, rtol=rtol, atol=1e-2 * rtol).x[:, -1]
         for rtol in (1e-11, 1e-13)
     ]
     if np.max(np.abs(ends[0] - ends[1])) > 1e-8:
@@ -53,14 +53,12 @@ def bare_sign(fast: bool) -> Hazard:
         case = CASES[names[int(row)]]
         run = cvode if method == "CVODE" else functools.partial(scipy_end, method)
         rates, span = plain(case.system).bare, (0.0, case.t_end)
-        return attempt(
-            run, lambda x: judged(case, x, rtol), rates, span, case.start, rtol, rtol * 1e-2, most=MOST
-        )
+        return attempt(run, lambda x: judged(case, x, rtol), rates, span, case.x0, rtol, rtol * 1e-2, most=MOST)
 
     def ours(rtol: float, row: float) -> Finding:
         case = CASES[names[int(row)]]
         return attempt(
-            solve, lambda s: judged(case, s.x[:, -1], rtol), case.system, (0.0, case.t_end), case.start, rtol=rtol,
+            solve, lambda s: judged(case, s.x[:, -1], rtol), case.system, (0.0, case.t_end), case.x0, rtol=rtol,
             atol=rtol * 1e-2,
         )  # fmt: skip
 

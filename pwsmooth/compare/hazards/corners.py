@@ -16,11 +16,11 @@ import numpy as np
 import sympy as sp
 
 from ...definition.primitives import Switch, Unilateral
-from ...solve import solve
+from ...solving import solve
 from ...system import System
-from ..work_precision.plain import Plain, plain
-from ..work_precision.restarting import restarted
-from ..work_precision.timestepping import bouncing, stepper
+from ..efficiency.plain import Plain, plain
+from ..efficiency.restarting import restarted
+from ..efficiency.timestepping import bouncing, stepper
 from .failures import Collapsed, Finding, Stalled, attempt
 from .hazard import Axis, Hazard, decades
 from .unguarded import quiet, scipy_end

@@ -66,7 +66,7 @@ def _methods(
 
         scene, h = pressed_block(law(row), sp.Float(GRAVITY), p0=start["p"]), hw / w
         span = h * _steps(jacobian(row), h)
-        return attempt(scene.solve, judge, (0.0, span), {**scene.start, **start}, max_step=h)
+        return attempt(scene.solve, judge, (0.0, span), {**scene.x0, **start}, max_step=h)
 
     return {m: functools.partial(stepped, m) for m in FIXED} | {"event-driven": ours}
 

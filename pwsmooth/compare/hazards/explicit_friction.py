@@ -76,7 +76,7 @@ def lugre(fast: bool) -> Hazard:
 
     def ours(h: float, V: float) -> Finding:
         scene = force_driven(law, sp.Float(strength(V) + law.sigma2 * V))
-        start = {**scene.start, "v": V, "z": 1.1 * strength(V) / law.sigma0}
+        start = {**scene.x0, "v": V, "z": 1.1 * strength(V) / law.sigma0}
         # The step follows the bristles' own relaxation, and h is only its bound. A thousand relaxations are enough.
         span = min(h * number(h, V), 1000 * strength(V) / (law.sigma0 * V))
         return attempt(scene.solve, lambda s: judged(s["z"], s["v"], V), (0.0, span), start, max_step=h)

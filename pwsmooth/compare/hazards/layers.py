@@ -19,7 +19,7 @@ import sympy as sp
 from ...analysis.sticking.capture import capture_threshold
 from ...definition.primitives import Switch
 from ...noise.kicks import Kicks
-from ...solve import solve
+from ...solving import solve
 from ...system import System
 from .failures import Finding, attempt
 from .fixed import FIXED, REAL, compiled, fixed

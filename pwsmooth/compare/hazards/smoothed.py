@@ -20,7 +20,7 @@ import numpy as np
 import sympy as sp
 
 from ...definition.primitives import Switch
-from ...solve import solve
+from ...solving import solve
 from ...system import System
 from .failures import Collapsed, Finding, attempt
 from .fixed import compiled

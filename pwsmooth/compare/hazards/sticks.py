@@ -16,10 +16,10 @@ import numpy as np
 import sympy as sp
 
 from ...definition.primitives import Switch
-from ...solve import solve
+from ...solving import solve
 from ...system import System
-from ..work_precision.plain import plain
-from ..work_precision.timestepping import stepper
+from ..efficiency.plain import plain
+from ..efficiency.timestepping import stepper
 from .corners import not_stopped, stopped
 from .failures import Finding, attempt
 from .hazard import Axis, Hazard

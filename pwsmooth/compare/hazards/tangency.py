@@ -17,7 +17,7 @@ from typing import Any
 import sympy as sp
 
 from ...definition.primitives import Switch
-from ...solve import solve
+from ...solving import solve
 from ...system import System
 from .failures import Finding, attempt
 from .hazard import Axis, Hazard, decades

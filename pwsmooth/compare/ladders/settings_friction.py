@@ -47,7 +47,7 @@ def forced_oscillator() -> Setting:
     turn = 2 * math.pi / omega
 
     def build(law):
-        return friction_oscillator(law, k=1000.0, c=0.0, amplitude=size, omega=omega, start=(0.0, 0.0),
+        return friction_oscillator(law, k=1000.0, c=0.0, amplitude=size, omega=omega, x0=(0.0, 0.0),
                                    t_span=(0.0, 40 * turn))  # fmt: skip
 
     observables = (
@@ -121,8 +121,8 @@ def hidden_oscillator() -> Setting:
     """The oscillator of the solid-friction paper: rho = 3, beta = 0.1, eps = 0.001, kicks of kappa = 2e-4."""
     turn = 2 * math.pi
     law = HiddenStatic()
-    whole = friction_oscillator(law, t_span=(0.0, 20 * turn), start=(0.6, -1.07))
-    motion_only = {name: value for name, value in whole.start.items() if name != "z"}
+    whole = friction_oscillator(law, t_span=(0.0, 20 * turn), x0=(0.6, -1.07))
+    motion_only = {name: value for name, value in whole.x0.items() if name != "z"}
 
     def limit(ratio):
         system = whole.system.layered({"z": ratio})
@@ -135,7 +135,7 @@ def hidden_oscillator() -> Setting:
         return Kicks(KAPPA, every=turn / 500, on=("y", "v"), seed=1, trajectory=k)
 
     def coulomb():
-        return friction_oscillator(Coulomb(F_c=law.F_c), t_span=whole.t_span, start=(0.6, -1.07))
+        return friction_oscillator(Coulomb(F_c=law.F_c), t_span=whole.t_span, x0=(0.6, -1.07))
 
     rungs = (
         Rung("Coulomb", coulomb, f"level {law.F_c:g}, the steady force at any speed (rho = 0)"),

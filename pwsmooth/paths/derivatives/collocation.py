@@ -6,7 +6,7 @@ A is evaluated on the steps' own polynomials, and the linear equation solved on 
 Norsett & Wanner, Solving ODEs I, II.7; II, IV.5): Radau IIA, order 9 and L-stable. Gauss's, order 16, serves
 event-driven runs of families, of powers that have no series, and those with an instant that a tape does not tell.
 Backward the same matrices are transposed.
-Chain: linearised.py, saltation.py -> **Collocation** -> of_solution.py, costs/, analysis/maps/variations.py.
+Chain: linearised.py, saltation.py -> **Collocation** -> of_solution.py, costs/, analysis/maps/first_order.py.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How a run moves with parameters, initial values and its start: `solve(with_respect_to=...)`.
+"""How a run moves with parameters, initial values and its start: `solve(by=...)`.
 
 Chain: tangents.py, which plays a run's tape again, and collocation.py, for runs by implicit steps ->
 **Derivatives**, `Solution.derivatives`.
@@ -55,7 +55,7 @@ class NoDerivative(ArithmeticError):
         As given.
 
     >>> x, a = sp.symbols("x a", real=True)
-    >>> run = solve(System({x: a * sp.sign(x)}, parameters={a: 1}), (0, 1), {x: 0}, with_respect_to=[a])
+    >>> run = solve(System({x: a * sp.sign(x)}, parameters={a: 1}), (0, 1), {x: 0}, by=[a])
     >>> run.derivatives.end
     Traceback (most recent call last):
         ...
@@ -87,7 +87,7 @@ class EventDerivative(NamedTuple):
     >>> x, v = sp.symbols("x v", real=True)
     >>> mu = sp.Symbol("mu", positive=True)
     >>> body = System({x: v, v: -mu * sp.sign(v)}, parameters={mu: 2})
-    >>> stop = solve(body, (0, 3), {x: 0, v: 4}, with_respect_to=[mu]).derivatives.at_event(0)
+    >>> stop = solve(body, (0, 3), {x: 0, v: 4}, by=[mu]).derivatives.at_event(0)
     >>> print(f"{stop.time[0]:.6f} {stop.after[0, 0]:.6f}")  # of 4/mu and 8/mu
     -1.000000 -2.000000
     """
@@ -114,7 +114,7 @@ class Sides(NamedTuple):
     >>> x, v = sp.symbols("x v", real=True)
     >>> wall = Unilateral(x, restitution=0.8, name="wall")
     >>> swing = System({x: v, v: 1 - x + wall.reaction})
-    >>> run = solve(swing, (0, 5), {x: 2, v: 0}, with_respect_to=["x"])
+    >>> run = solve(swing, (0, 5), {x: 2, v: 0}, by=["x"])
     >>> sides = run.derivatives.sides("x")
     >>> print(sides.below.round(6).tolist(), sides.above)  # (cos 5, -sin 5)
     [0.283662, 0.958924] None
@@ -182,7 +182,7 @@ def run_beside(
         begin += change
     else:
         first[name] += change
-    return solve(system, (begin, end), first, parameters=values, with_respect_to=[name], **options)
+    return solve(system, (begin, end), first, parameters=values, by=[name], **options)
 
 
 def _once(method: Callable[[Any], Any]) -> Any:
@@ -228,7 +228,7 @@ class Derivatives(Described):
     >>> x, v = sp.symbols("x v", real=True)
     >>> mu = sp.Symbol("mu", positive=True)
     >>> body = System({x: v, v: -mu * sp.sign(v)}, parameters={mu: 2})
-    >>> derivatives = solve(body, (0, 3), {x: 0, v: 4}, with_respect_to=[mu, "v"]).derivatives
+    >>> derivatives = solve(body, (0, 3), {x: 0, v: 4}, by=[mu, "v"]).derivatives
     >>> print(derivatives.end[0].round(6).tolist())  # of v**2/(2*mu)
     [-2.0, 2.0]
     >>> print(derivatives(1.0, "x").round(6).tolist())  # of v*t - mu*t**2/2

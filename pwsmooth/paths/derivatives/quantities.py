@@ -1,4 +1,4 @@
-"""What a run is differentiated by, from the names of `solve(with_respect_to=...)`.
+"""What a run is differentiated by, from the names of `solve(by=...)`.
 
 Chain: **this file** -> call.py, derivatives.
 """
@@ -33,14 +33,14 @@ def quantities(system: Any, wanted: Any) -> Quantities:
     ValueError
         A name that is none, or twice.
     """
-    what = "`with_respect_to`"
+    what = "`by`"
     found = [getattr(name := checks.named(item), "name", name) for item in checks.several(wanted, what)]
     return _quantities(system.model, tuple(system.parameters), tuple(found))
 
 
 @functools.lru_cache(maxsize=256)
 def _quantities(model: Model, owned: tuple[sp.Symbol, ...], found: tuple[Any, ...]) -> Quantities:
-    what, parameters = "`with_respect_to`", {s.name: s for s in owned}
+    what, parameters = "`by`", {s.name: s for s in owned}
     states = {s.name: i for i, s in enumerate(model.states)}
     cells = {s for event in model.events if event.tables for s, _ in event.update}
     for name in found:

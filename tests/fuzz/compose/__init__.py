@@ -133,7 +133,7 @@ def _run(played, one, way):
     elif way == "short steps":
         options["max_step"] = 0.03
     elif way == "derivatives" and played.system(AS_IS)[1]:
-        options["with_respect_to"] = sorted(played.system(AS_IS)[1])[:1]
+        options["by"] = sorted(played.system(AS_IS)[1])[:1]
     shape = (len(one.instants), len(one.start) + len(played.model.memories))
     try:
         system, known = played.system(style)
@@ -151,8 +151,8 @@ def _run(played, one, way):
     times, values = relations.values(played.model, one, style, solution)
     said = [(a.time / style.pace - style.shift, a.kind) for a in solution.ambiguities]
     found = Run(way, solution.outcome.name, solution.success, values, float(times[-1]), said)
-    if "with_respect_to" in options and solution.outcome.name == "FINISHED":
-        found.moves = _moves(played.model, solution, options["with_respect_to"][0])
+    if "by" in options and solution.outcome.name == "FINISHED":
+        found.moves = _moves(played.model, solution, options["by"][0])
     return found
 
 

@@ -56,5 +56,5 @@ def test_of_a_family_one_element_is_enough():
 
 
 def test_a_sweep_goes_on_with_the_others():
-    found = sweep(BALL, {"y": [-1.0, 1.0]}, start={y: 1, v: 0}, t_span=(0, 0.1))
+    found = sweep(BALL, {"y": [-1.0, 1.0]}, x0={y: 1, v: 0}, t_span=(0, 0.1))
     assert [Outcome(int(code)).name for code in found["outcome"].values] == ["BEHIND_CONTACT", "FINISHED"]

@@ -95,7 +95,7 @@ def test_derivatives_go_through_a_limit():
     b = sp.Symbol("b", real=True)
     rate = limited(x - b, a * u)["maximum"]
     system = System({x: rate, u: y, y: -u}, parameters={a: 2, b: 0.1})
-    run = solve(system, (0, 7), [0.3, 1, 0], with_respect_to=[a, b, x])
+    run = solve(system, (0, 7), [0.3, 1, 0], by=[a, b, x])
     assert run.derivatives.x[0][:, -1] == pytest.approx([1 + np.sin(7), 1, 0], abs=1e-7)
 
 

@@ -42,7 +42,7 @@ def test_where_it_is_not_known_it_is_refused():
     with pytest.raises(
         ValueError, match=r"derivatives of a system with `together` in its events \(fire\) are not"
     ):
-        solve(system, (0, 2), {x: 0}, with_respect_to=["x"])
+        solve(system, (0, 2), {x: 0}, by=["x"])
     with pytest.raises(ValueError, match=r"implicit steps of a system with `together`"):
         solve(system, (0, 2), {x: 0}, method="stiff")
     with pytest.raises(ValueError, match="`together` of an Event"):

@@ -132,7 +132,7 @@ def test_a_motion_through_loops_has_its_derivatives():
     pushes = {v: 2.5 * sp.cos(t) - x - F * a - c / 2, w: 1.3 * sp.sin(1.3 * t) - y - 1.6 * b + c / 2}
     system = System({x: v, v: pushes[v], y: w, w: pushes[w]}, time=t, parameters={F: 1.2})
     span, start, step = (0, 12), {x: 0, v: 1, y: 0, w: 0.3}, 1e-6
-    run = solve(system, span, start, with_respect_to=["F", "v"], **TIGHT)
+    run = solve(system, span, start, by=["F", "v"], **TIGHT)
     assert [a.kind for a in run.ambiguities] == ["multipliers not unique"]
 
     def end(**more):

@@ -170,7 +170,7 @@ def test_two_laws_of_static_friction_hold_their_sum(kinetic, static, way):
         for F_c, F_s, name in zip(kinetic, static, "ab", strict=True)
     ]
     rates = {x: v, v: way * t / 10 - sum(brake.force for brake in brakes)}
-    system, start, _ = assemble(rates, brakes, time=t, start={x: 0.0, v: 0.0})
+    system, start, _ = assemble(rates, brakes, time=t, x0={x: 0.0, v: 0.0})
     run = solve(system, (0, 60), start)
     slips = 10 * sum(static)
     assert run.success and run.events[0].time == pytest.approx(slips, abs=1e-6)

@@ -382,7 +382,7 @@ def test_derivatives_go_through_an_event_to_which_an_impact_carries():
     floor = Unilateral(x, restitution=sp.Rational(1, 2), name="floor")
     lands = Event(v, direction=1, update={w: h * t}, name="lands")
     ball = System({x: v, v: -10 + floor.reaction, w: 0}, time=t, parameters={h: 0.2}, events=[lands])
-    run = solve(ball, (0, 0.3), {x: 0.2, v: 0, w: 0}, with_respect_to=["x", "h"])
+    run = solve(ball, (0, 0.3), {x: 0.2, v: 0, w: 0}, by=["x", "h"])
     assert run["w"][-1] == pytest.approx(0.04, abs=1e-12)
     by_height = 0.2 * 0.5 / np.sqrt(2 * 0.2 * 10) * 2
     np.testing.assert_allclose(run.derivatives.end[2], [by_height, 0.2], rtol=1e-9)

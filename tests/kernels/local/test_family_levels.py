@@ -72,14 +72,14 @@ def test_what_needs_the_polynomials_of_lambda_has_them():
     kicks = Kicks(0.05, every=0.25, on=v, seed=3)
     ends = [solve(system, (0, 3), start, noise=kicks, dense_output=way).x[:, -1] for way in (False, True)]
     assert np.abs(ends[0] - ends[1]).max() < 1e-6
-    rows = solve(system, (0, 1), start, with_respect_to=["u"])
+    rows = solve(system, (0, 1), start, by=["u"])
     assert rows.derivatives is not None
 
 
 def test_sweeps_take_such_families():
     x, v, system = blocks()
     start = {x: np.sin(np.arange(N)).tolist(), v: 0.2}
-    found = sweep(system, {"u": [0.1, 0.2]}, start=start, measures=["points", "extremes(lam_3)"], t_span=(0, 3))
+    found = sweep(system, {"u": [0.1, 0.2]}, x0=start, measures=["points", "extremes(lam_3)"], t_span=(0, 3))
     runs = [solve(system, (0, 3), start, parameters={"u": a}) for a in (0.1, 0.2)]
     assert np.allclose(found["x_1_points"].values[..., -1].ravel(), [run.x[0, -1] for run in runs], atol=1e-8)
     assert found["lam_3_max"].values.tolist() == pytest.approx([run["lam_3"].max() for run in runs], abs=1e-6)

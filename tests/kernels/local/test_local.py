@@ -361,7 +361,7 @@ def test_a_run_that_cannot_go_by_elements_says_why(reason):
 def test_what_takes_the_whole_system_is_named(systems):
     system, start = systems(chain, 10, 1.5)
     for name, value in {
-        "dense_output": True, "with_respect_to": ["u"], "noise": Kicks(0.1, 1, on=("w_1",), seed=1),
+        "dense_output": True, "by": ["u"], "noise": Kicks(0.1, 1, on=("w_1",), seed=1),
     }.items():  # fmt: skip
         with pytest.raises(ValueError, match=f"`local` is True, but `{name}` takes the whole system"):
             solve(system, (0, 1), start, local=True, **{name: value})
@@ -376,7 +376,7 @@ def test_derivatives_are_those_of_the_run_of_all(monkeypatch):
     with template_from(1):
         arguments, start, _ = MODELS["friction_chain"](10)
         system = System(**({"time": t} | arguments))
-    derived = solve(system, (0, 1), start, t_eval=[0, 1], with_respect_to=["u"])
+    derived = solve(system, (0, 1), start, t_eval=[0, 1], by=["u"])
     plain = solve(system, (0, 1), start, t_eval=[0, 1])
     np.testing.assert_allclose(plain.x, derived.x, rtol=0, atol=1e-8)
     assert derived.derivatives is not None

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from chain_models import BELT, belt, chain, start_of, train, with_templates
 
-from pwsmooth import Event, Family, Outcome, Recorder, Switch, System, solve
+from pwsmooth import Event, Family, Outcome, Switch, System, solve
+from pwsmooth.families import Recorder
 from pwsmooth.kernels.local.state import WITHOUT_PARTS
 from pwsmooth.paths import local, parts
 from pwsmooth.paths.parts import PARTS, cut

@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from pwsmooth import Algebraic, Event, Family, Outcome, System, solve
-from pwsmooth.compare.work_precision.cases import CASES
+from pwsmooth.compare.efficiency.cases import CASES
 
 t, x, y, u, v, w, h, a = sp.symbols("t x y u v w h a", real=True)
 m = sp.Symbol("m", positive=True)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, Family, Kicks, Memory, Outcome, System, Unilateral, solve, sweep
-from pwsmooth.compare.work_precision.cases import CASES
+from pwsmooth import Event, Family, Kicks, Memory, Outcome, Strobe, System, Unilateral, solve, sweep
+from pwsmooth.compare.efficiency.cases import CASES
 from pwsmooth.laws.friction import GMS, Elastoplastic, ElastoplasticFixed, ModifiedCoulomb
 from pwsmooth.scenes import block_on_belt
 
@@ -29,7 +29,7 @@ def both(system, span, start, *, rtol=1e-10, atol=1e-14, **options):
 def test_friction_laws_with_inner_states_end_where_explicit_steps_do(name, bound):
     case = CASES[name]
     stiff, explicit = both(
-        case.system, (0, case.t_end), case.start, rtol=1e-9, atol=1e-9 * np.array(case.sizes) / 1e2
+        case.system, (0, case.t_end), case.x0, rtol=1e-9, atol=1e-9 * np.array(case.sizes) / 1e2
     )
     assert stiff.outcome is Outcome.FINISHED
     assert np.max(np.abs(stiff.x[:, -1] - explicit.x[:, -1]) / case.sizes) < bound
@@ -84,7 +84,7 @@ def test_a_switch_whose_surface_hugs_zero_within_rounding_comes_off_on_the_right
 
 def test_lugre_costs_a_tenth_of_the_explicit_steps():
     case = CASES["lugre"]
-    stiff, explicit = both(case.system, (0, case.t_end), case.start)
+    stiff, explicit = both(case.system, (0, case.t_end), case.x0)
     assert 10 * stiff.cost["steps"] < explicit.cost["steps"]
 
 
@@ -105,7 +105,7 @@ def test_a_stiff_branch_is_left_where_the_ends_of_steps_say(rtol):
 def test_no_step_passes_over_the_strip_where_friction_rises(rtol):
     """exp(-(v/v_s)^2) is flat above: without a look at the strip the last slip ended 1.8 ms late, at any tolerance."""
     case = CASES["lugre"]
-    stiff, explicit = both(case.system, (0, case.t_end), case.start, **case.tolerances(rtol))
+    stiff, explicit = both(case.system, (0, case.t_end), case.x0, **case.tolerances(rtol))
     assert np.allclose(stiff.event_times(), explicit.event_times(), rtol=0, atol=1e-5)
 
 
@@ -124,7 +124,7 @@ def test_dense_output_wanted_times_and_outputs():
 
 def test_the_side_is_that_of_the_surface_all_along():
     case = CASES["dahl"]
-    run = solve(case.system, (0, case.t_end), case.start, method="stiff", dense_output=True)
+    run = solve(case.system, (0, case.t_end), case.x0, method="stiff", dense_output=True)
     h = sp.lambdify(case.system.model.time, case.system.model.multipliers[0].surface)
     inside = np.setdiff1d(np.linspace(*run.t[[0, -1]], 999), run.event_times())
     _, side = run.dense(inside)
@@ -188,7 +188,7 @@ def test_a_sweep_takes_stiff_steps():
     case = CASES["lugre"]
     (mass,) = (p for p in case.system.parameters if p.name == "mass")
     found = [
-        sweep(case.system, {mass: [0.5, 1.0]}, start=case.start, period=case.t_end, transient=0, periods=1,
+        sweep(case.system, {mass: [0.5, 1.0]}, x0=case.x0, seen=Strobe(case.t_end), transient=0, periods=1,
               measures=["extremes(friction)", "counts"], method=method)
         for method in ("stiff", "auto")
     ]  # fmt: skip
@@ -196,13 +196,13 @@ def test_a_sweep_takes_stiff_steps():
     assert np.allclose(stiff, explicit, rtol=1e-6) and stiff[0] != stiff[1]
     assert 10 * int(found[0].steps.sum()) < int(found[1].steps.sum())
     with pytest.raises(ValueError, match="can slide"):
-        sweep(System({x: -sp.sign(x)}), {x: [1.0, 2.0]},  period=1, transient=0, periods=1, measures=["counts"],
+        sweep(System({x: -sp.sign(x)}), {x: [1.0, 2.0]},  seen=Strobe(1), transient=0, periods=1, measures=["counts"],
               method="stiff")  # fmt: skip
 
 
 def test_a_bound_on_steps_is_an_outcome():
     case = CASES["lugre"]
-    run = solve(case.system, (0, case.t_end), case.start, method="stiff", max_steps=20)
+    run = solve(case.system, (0, case.t_end), case.x0, method="stiff", max_steps=20)
     assert run.outcome is Outcome.TOO_MANY_STEPS and 0 < run.t[-1] < case.t_end
 
 

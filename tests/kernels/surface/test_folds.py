@@ -186,15 +186,13 @@ def test_members_that_stand_at_their_folds_together_leave_together(method, n):
 
     level = sp.Symbol("level", positive=True)
     options = {"rtol": 1e-11, "atol": 1e-13, "method": method}
-    alone = solve(
-        oscillator(*sp.symbols("y v", real=True)), (0, 7), [0.5, 0.3], **options, with_respect_to=[level]
-    )
+    alone = solve(oscillator(*sp.symbols("y v", real=True)), (0, 7), [0.5, 0.3], **options, by=[level])
     # the first members move alike, the last one a little later
     start = [0.5] * (n - 1) + [0.501] + [0.3] * n
     with template_from(4):
         many = oscillator(*Family(n).symbols("y v"))
     run = solve(many, (0, 7), start, **options)
-    with_slopes = solve(many, (0, 7), start, **options, with_respect_to=[level])
+    with_slopes = solve(many, (0, 7), start, **options, by=[level])
     for together in (run, with_slopes):
         assert together.success and len(together.event_times("slip by fold")) == n * 2
         assert together.x[: n - 1, -1] == pytest.approx(alone.x[0, -1], abs=1e-8)

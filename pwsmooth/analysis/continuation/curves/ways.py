@@ -102,7 +102,7 @@ class Way:
             if (arc := self._covered(spots)) < _STUCK * _LAST * longest:
                 why = f"the last {_LAST} of {len(spots)} orbits cover {arc:.2g} of the ranges"
                 return self._ended(spots, f"stopped at {where(walk, here)}: {why}.")
-        return self._ended(spots, f"stopped after {len(spots)} orbits (`most`).")
+        return self._ended(spots, f"stopped after {len(spots)} orbits (`max_points`).")
 
     def _stepped(self, here: Spot, ds: float) -> Any:
         """One step, no further than the border of the ranges: beyond it a parameter may have no meaning."""

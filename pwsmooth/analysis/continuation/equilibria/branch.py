@@ -59,7 +59,7 @@ class EquilibriumBifurcation:
     Applied Bifurcation Theory, for fold and Hopf points.
 
     >>> x, a = sp.symbols("x a", real=True)
-    >>> branch = follow(find_equilibrium(System({x: a - x**2}, parameters={a: 1}), {x: 1}), a, to=-1)
+    >>> branch = follow(find_equilibrium(System({x: a - x**2}, parameters={a: 1}), {x: 1}), {a: -1})
     >>> print(branch.bifurcations[0].kind, f"{abs(branch.bifurcations[0].parameter):.9f}")
     fold 0.000000000
     """
@@ -114,7 +114,7 @@ class EquilibriumBranch(_Along):
 
     >>> x, a = sp.symbols("x a", real=True)
     >>> relay = System({x: a - sp.sign(x) - x}, parameters={a: 0})
-    >>> branch = follow(find_equilibrium(relay, {x: 0.3}), a, to=2)
+    >>> branch = follow(find_equilibrium(relay, {x: 0.3}), {a: 2})
     >>> [b.kind for b in branch.bifurcations], branch.end
     (['boundary equilibrium: persistence'], 'reached a = 2.')
     """
@@ -133,6 +133,13 @@ class EquilibriumBranch(_Along):
     @staticmethod
     def _at(bifurcation: Any) -> Any:
         return bifurcation.equilibrium
+
+    def _joined(self, other: EquilibriumBranch) -> EquilibriumBranch:
+        """The way there, backwards, and another way from the same start."""
+        return EquilibriumBranch(
+            self.parameter, [*self.equilibria[:0:-1], *other.equilibria],
+            [*self.bifurcations[::-1], *other.bifurcations], f"{self.end} {other.end}",
+        )  # fmt: skip
 
     @property
     def values(self) -> np.ndarray:

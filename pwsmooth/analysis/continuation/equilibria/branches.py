@@ -14,7 +14,7 @@ Chain: mode_walk.py, equilibrium_tests.py -> **equilibrium_branches** -> continu
 from __future__ import annotations
 
 import math
-import time
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -33,12 +33,11 @@ _MOST_MODES = 50  # of a branch: changes of mode
 
 def follow_equilibrium(
     e: Equilibrium, name: str, bounds: tuple[float, float], lengths: tuple[float, float, float], most: int,
-    virtual: bool, max_seconds: float | None,
+    virtual: bool, late: Callable[[], bool],
 ) -> EquilibriumBranch:  # fmt: skip
-    """The branch of an equilibrium over a parameter, or of a set of them along a state (continuation.follow)."""
-    late = math.inf if max_seconds is None else time.monotonic() + max_seconds
+    """The branch of an equilibrium over a parameter, or of a set of them along a state (branches.follow_branch)."""
     branch = EquilibriumBranch(name, [e])
-    branch.end = _followed(branch, e, bounds, lengths, most, virtual, lambda: time.monotonic() > late)
+    branch.end = _followed(branch, e, bounds, lengths, most, virtual, late)
     return branch
 
 
@@ -50,14 +49,12 @@ def coordinate(e: Equilibrium, parameter: Any) -> str:
     key = str(getattr(checks.named(parameter), "name", parameter))
     if key not in names and free == 1 and any(s.name == key for s in own):
         if np.abs(e.free_directions[0, [s.name for s in own].index(key)]) <= RANK:
-            raise ValueError(
-                f"`parameter` is the state {key}, which is the same in the whole set of equilibria."
-            )
+            raise ValueError(f"`over` names the state {key}, which is the same in the whole set of equilibria.")
         return key
-    found = checks.lookup(parameter, e.system.parameters, "`parameter`", "parameter").name
+    found = checks.lookup(parameter, e.system.parameters, "`over`", "parameter").name
     if free:
         raise ValueError(
-            f"`orbit` is one of a set of equilibria of dimension {free}, so that no single one leads on over {found}. "
+            f"`start` is one of a set of equilibria of dimension {free}, so that no single one leads on over {found}. "
             + (f"Follow the set along one of the states {checks.listing(own)}." if free == 1 else
                "Leave states that nothing depends on out of the model.")
         )  # fmt: skip
@@ -66,7 +63,7 @@ def coordinate(e: Equilibrium, parameter: Any) -> str:
 
 def value_at(e: Equilibrium, name: str) -> float:
     """The value of a parameter, or of the state along which a set is followed."""
-    return float({**e.start, **{p.name: v for p, v in e.system.parameters.items()}}[name])
+    return float({**e.x0, **{p.name: v for p, v in e.system.parameters.items()}}[name])
 
 
 def _followed(branch, e, bounds, lengths, most, virtual, late) -> str:
@@ -132,7 +129,7 @@ def _followed(branch, e, bounds, lengths, most, virtual, late) -> str:
             return f"reached {name} = {past:g}."
         ds = min(ds * (2.0 if there.steps <= 3 else 1.0 if there.steps <= 5 else 0.5), longest)
         here = there
-    return f"stopped after {len(branch.equilibria)} equilibria (`most`)."
+    return f"stopped after {len(branch.equilibria)} equilibria (`max_points`)."
 
 
 def _passed(q: float, q0: float, begin: float, end: float) -> float | None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import copy
 import math
-import time
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -59,8 +59,8 @@ class EquilibriumCurve(InPlane):
 
     >>> x, a, b = sp.symbols("x a b", real=True)
     >>> cubic = System({x: a + b * x - x**3}, parameters={a: 1, b: 1})
-    >>> (fold, _) = follow(find_equilibrium(cubic, {x: 1.3}), a, to=-1, step=0.1).bifurcations
-    >>> curve = follow_curve(fold, {a: (-1, 1), b: (-1, 1)})
+    >>> (fold, _) = follow(find_equilibrium(cubic, {x: 1.3}), {a: -1}, steps=Steps(first=0.1)).bifurcations
+    >>> curve = follow(fold, {a: (-1, 1), b: (-1, 1)})
     >>> [point.name for point in curve.points], curve.ends
     (['cusp'], ('reached b = 1.', 'reached b = 1.'))
     """
@@ -113,11 +113,10 @@ def _of_kind(kind: str, e: Equilibrium, event: Any) -> EquilibriumCondition:
 
 def follow_equilibria(
     start: Any, kind: str | None, names: tuple[str, str], bounds: np.ndarray, lengths: tuple[float, float, float],
-    most: int, virtual: bool, max_seconds: float | None,
+    most: int, virtual: bool, late: Callable[[], bool],
 ) -> EquilibriumCurve:  # fmt: skip
-    """The curve of a bifurcation of equilibria, to both sides (curves.follow_curve)."""
+    """The curve of a bifurcation of equilibria, to both sides (two_parameters.follow_curve)."""
     e, condition, begins = _condition(start, kind)
-    late = math.inf if max_seconds is None else time.monotonic() + max_seconds
     curve = EquilibriumCurve(condition.kind, names)
     walk = Walk2(e, names, bounds[:, 1] - bounds[:, 0], condition)
     found = walk.spot(walk.first * walk.unit)

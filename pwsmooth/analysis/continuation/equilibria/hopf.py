@@ -20,7 +20,8 @@ import sympy as sp
 
 from ....door import calls, checks
 from ...maps.scales import Scale, units_at
-from ...maps.sections import LONGEST, Section, poincare_map
+from ...maps.sections import Section, poincare_map
+from ...maps.seen import Return
 from ...maps.segments import TOO_LONG, Segments
 from ...orbits.periodic_orbit import PeriodicOrbit, none_found
 from ..arclength import Walk, in_units, leaves
@@ -36,14 +37,13 @@ _SMALLEST = 0.5  # of the predicted distance from the equilibrium: what comes ne
 @checks.door(
     calls.RUNS,
     hopf=checks.instance(EquilibriumBifurcation, "one of the `bifurcations` of a branch of equilibria"),
-    amplitude=checks.positive, direction=checks.one_of(1, -1),
+    amplitude=checks.positive, seen=checks.optional(checks.instance(Return, "Return(section)")),
 )  # fmt: skip
 def cycle_from(
     hopf: EquilibriumBifurcation,
     amplitude: float = 1e-2,
     *,
-    section: Any = None,
-    direction: int = 1,
+    seen: Return | None = None,
     **options: Any,
 ) -> PeriodicOrbit:
     """A periodic orbit near a Hopf point, of the system or of its flow on a sliding surface.
@@ -54,8 +54,8 @@ def cycle_from(
         Of kind "Hopf" or "sliding Hopf".
     amplitude : float, in the units of the states
         Of the orbit, along the critical eigenvector of length 1; the parameter follows from it.
-    section : Expr, optional
-        A surface through the equilibrium that the orbit crosses; by default a plane.
+    seen : Return, optional
+        To a surface through the equilibrium that the orbit crosses; by default a plane.
 
     Returns
     -------
@@ -72,7 +72,7 @@ def cycle_from(
     >>> x, y, a = sp.symbols("x y a", real=True)
     >>> r2 = x**2 + y**2  # the cycle has the radius sqrt(a)
     >>> ring = System({x: a * x - y - x * r2, y: x + a * y - y * r2}, parameters={a: -0.5})
-    >>> (hopf,) = follow(find_equilibrium(ring, {x: 0, y: 0}), a, to=0.5).bifurcations
+    >>> (hopf,) = follow(find_equilibrium(ring, {x: 0, y: 0}), {a: 0.5}).bifurcations
     >>> cycle = cycle_from(hopf, 0.2)
     >>> cycle.success, round(cycle.system.parameters[a], 9), round(float(abs(cycle.x).max()) ** 2, 9)
     (True, 0.02, 0.02)
@@ -88,9 +88,10 @@ def cycle_from(
     q = linear.along @ vectors[:, critical]
     turn = np.exp(-0.5j * np.angle(q @ q))  # Re q and Im q are orthogonal then, Re q the longer one
     q, p = q * turn / np.linalg.norm(q), np.linalg.norm(q) / turn * (left @ linear.along.T)
-    if section is None:
-        section = sp.Add(*(float(c) * (s - float(x)) for c, s, x in zip(p.imag, system.model.states, e.x)))
-    map_ = poincare_map(system, None, section, direction, LONGEST, options)
+    if seen is None:
+        plane = (float(c) * (s - float(x)) for c, s, x in zip(p.imag, system.model.states, e.x))
+        seen = Return(sp.Add(*plane))
+    map_ = poincare_map(system, seen, options)
     assert isinstance(map_, Section)
     # A cycle is small against the states where it begins: its own size is their unit.
     unit = units_at(np.append(amplitude * np.abs(q), np.zeros(len(e.x) - own)))
@@ -98,7 +99,7 @@ def cycle_from(
     h = map_.gradient(e.x)[:own]
     # On the section, and where its function rises: h . Re(q exp(i phase)) = 0, d/dt of it > 0.
     phase = np.pi / 2 - np.angle(h @ q) if abs(h @ q) > 0 else 0.0
-    phase += np.pi if (direction * (h @ (1j * q * np.exp(1j * phase))).real) < 0 else 0.0
+    phase += np.pi if (seen.direction * (h @ (1j * q * np.exp(1j * phase))).real) < 0 else 0.0
     period = 2 * np.pi / hopf.frequency
     grown = max(float(mu.real.max()), 0.0) * period
     number = max(1, math.ceil(grown / math.log(_GROWTH))) if grown > math.log(TOO_LONG) else 1
@@ -115,7 +116,7 @@ def cycle_from(
     begun = np.append(np.tile(e.x, number) / walk.sizes, hopf.parameter)
     guess = begun + np.append(amplitude * ahead.ravel() / walk.sizes, 0.0)
     point = walk.correct(guess, normal, normal)
-    lost = "give another `amplitude`, a smaller one as a rule, or a `section` that the cycle crosses."
+    lost = "give another `amplitude`, a smaller one as a rule, or a section in `seen` that the cycle crosses."
     if point is None:
         return none_found(map_, e.x, f"no orbit was found at this distance from the Hopf point: {lost}")
     orbit = in_units(point.orbit, np.append(e.unit, np.ones(len(e.x) - own)))

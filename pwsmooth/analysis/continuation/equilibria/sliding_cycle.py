@@ -15,7 +15,8 @@ import numpy as np
 import sympy as sp
 
 from ...equilibria.finding import find_equilibrium
-from ...maps.sections import LONGEST, poincare_map
+from ...maps.sections import poincare_map
+from ...maps.seen import Return
 from ...orbits.finding import find_orbit
 from ...orbits.periodic_orbit import PeriodicOrbit, none_found
 from .branch import EquilibriumBifurcation
@@ -34,7 +35,7 @@ def cycle_beside(born: EquilibriumBifurcation, offset: float, **options: Any) ->
             system = e.system.with_parameters({q: value})
         except ValueError:  # outside the assumptions of the parameter
             continue
-        focus = find_equilibrium(system, e.start, sides={mu.symbol: side})
+        focus = find_equilibrium(system, e.x0, sides={mu.symbol: side})
         if not focus.success or focus.border or focus.stability != "unstable":
             continue
         ahead = focus.x - e.x
@@ -44,8 +45,8 @@ def cycle_beside(born: EquilibriumBifurcation, offset: float, **options: Any) ->
         section = sp.Add(
             *(float(d) * (s - x) for d, s, x in zip(ahead / np.abs(ahead).max(), system.states, moves))
         )
-        orbit = find_orbit(system, (focus.x + ahead).tolist(), section=section, transient=_TURNS, **options)
+        orbit = find_orbit(system, (focus.x + ahead).tolist(), Return(section), transient=_TURNS, **options)
         if orbit.success and np.abs(orbit.x - focus.x).max() < _FARTHEST * np.abs(ahead).max():
             return orbit
-    nothing = poincare_map(e.system, None, system.states[0], 1, LONGEST, options)
+    nothing = poincare_map(e.system, Return(system.states[0]), options)
     return none_found(nothing, e.x, "no cycle was found at this distance from the boundary equilibrium.")

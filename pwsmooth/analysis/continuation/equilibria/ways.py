@@ -6,7 +6,6 @@ Chain: equilibrium_walk.py, codimension.py -> **equilibrium_ways** -> equilibriu
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -42,7 +41,7 @@ class EquilibriumWay:
     """A curve to one side: its points, what is met between them, and why it ends."""
 
     def __init__(
-        self, walk: Walk2, bounds: np.ndarray, lengths: Any, most: int, virtual: bool, late: float
+        self, walk: Walk2, bounds: np.ndarray, lengths: Any, most: int, virtual: bool, late: Callable[[], bool]
     ) -> None:
         self.walk, self.lengths, self.most, self.virtual, self.late = walk, lengths, most, virtual, late
         self.bounds = bounds / walk.unit[walk.size :, None]
@@ -56,8 +55,8 @@ class EquilibriumWay:
         self.passed, ds = [here], min(step, longest)
         while not self.end:
             if len(self.passed) >= self.most:
-                self.end = f"stopped after {self.most} points (`most`)."
-            elif time.monotonic() > self.late:
+                self.end = f"stopped after {self.most} points (`max_points`)."
+            elif self.late():
                 self.end = f"`max_seconds` are used up at {self._where(here)}: give more."
             if self.end:
                 return

@@ -1,0 +1,150 @@
+"""Branches over one parameter and curves of bifurcations over two, by one call.
+
+    follow(start, {p: ...})  ->  branches.py        follow(start, {p: ..., q: ...})  ->  two_parameters.py
+
+Chain: branches.py, two_parameters.py -> **following**.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ...door import checks
+from ...paths.budget import MOST_STEPS
+from ..equilibria.equilibrium import Equilibrium
+from ..orbits.periodic_orbit import PeriodicOrbit
+from .bifurcations import BORDER, Bifurcation
+from .branches import Branch, follow_branch
+from .codimension import Codimension2
+from .curves.starts import FOLLOWED
+from .equilibria import curves as of_equilibria
+from .equilibria.branch import EquilibriumBifurcation, EquilibriumBranch
+from .equilibria.curves import EquilibriumCurve
+from .steps import Steps
+from .two_parameters import Curve, follow_curve
+
+__all__ = ["follow"]
+
+
+@checks.door(
+    start=checks.instance(
+        (PeriodicOrbit, Equilibrium, Bifurcation, EquilibriumBifurcation, Codimension2),
+        "an orbit or an equilibrium, from find_orbit() or find_equilibrium(); over two parameters also a bifurcation "
+        "of a branch, or a Codimension2 of a curve",
+    ),
+    over=checks.mapping, way=checks.optional(checks.one_of(1, -1)), virtual=checks.flag,
+    kind=checks.optional(checks.one_of(*FOLLOWED, BORDER, *of_equilibria.FOLLOWED)),
+    steps=checks.optional(checks.instance(Steps, "Steps(...)")),
+)  # fmt: skip
+def follow(
+    start: PeriodicOrbit | Equilibrium | Bifurcation | EquilibriumBifurcation | Codimension2,
+    over: Mapping[Any, Any],
+    *,
+    way: int | None = None,
+    kind: str | None = None,
+    switch: Any = None,
+    virtual: bool = False,
+    steps: Steps | None = None,
+    max_steps: int = 10 * MOST_STEPS,
+    max_seconds: float | None = None,
+) -> Branch | EquilibriumBranch | Curve | EquilibriumCurve:
+    """Follow a periodic orbit or an equilibrium over a parameter, or a bifurcation over two.
+
+    Parameters
+    ----------
+    start : PeriodicOrbit, Equilibrium, Bifurcation, EquilibriumBifurcation or Codimension2
+        The first orbit or equilibrium, converged. Over two parameters: one of a branch's `bifurcations`; an orbit or
+        equilibrium near to one, whose `kind` is given; or one of the `points` of a curve, at which another `begins`.
+    over : mapping of (str or Symbol) to float or (float, float), in the units of the parameters
+        One parameter or two. One with a value: the branch goes from the start to there, and ends where it comes back to
+        the value at which it began. With the least and the largest value, which hold that of the start: it goes both
+        ways, to either. Two: a curve goes both ways within the ranges. For one of a set of equilibria (a stuck block's)
+        a state: the set is followed along it.
+    way : {1, -1}, optional
+        With the range of one parameter: the branch goes only one way, to larger or to smaller values at first.
+    kind : str, optional
+        Of an orbit: "fold", "flip", "symmetry breaking", "torus" or "branch point"; or, on the side that does not touch
+        it, "grazing impact", "grazing", "grazing-sliding", "grazing of an event" or "adding-sliding";
+        "border collision"; or "capture", of a layered view with a finite ratio. Of an equilibrium: "fold", "Hopf",
+        "sliding Hopf", "hidden fold", "pseudo-Hopf", "two-fold" or "boundary equilibrium" (of the switch or contact
+        whose border is nearest). Of a point of codimension 2: one of what it `begins`, if that is more than one.
+    switch : Switch, Symbol, str or Expr, optional
+        Of an orbit that is about to graze: the switch, contact or event. Of a border collision: h(x), of states and
+        parameters, which is 0 at the orbit's point on its section.
+    virtual : bool
+        Whether equilibria are followed beyond the surface, the bound of lambda or the reaction 0 at which they become
+        virtual, in the same mode; without it a branch goes on in the mode beside. A curve then goes on where orbits are
+        none of the exact system, whose impact has a negative speed or which have crossed a surface that they graze:
+        their `success` is False.
+    steps : Steps, optional
+        In the arc of (x, q/width), the width being that of the range; of equilibria x and multipliers count relative to
+        1 + what they are at first. By default 0.02, at most 0.1 and at least 1e-7 long; of curves 0.01, 0.05 and 1e-6.
+    max_steps, max_seconds : int, float (s), optional
+        Bounds of the whole, looked at after each orbit: what was followed until then is returned.
+
+    Returns
+    -------
+    Branch, EquilibriumBranch, Curve or EquilibriumCurve
+        Orbits or equilibria, bifurcations or points of codimension 2, and why it ended.
+
+    Raises
+    ------
+    ValueError, TypeError
+        A start that did not converge, an unknown parameter, a value at which the start already is, a range that leaves
+        it out; `virtual` with an orbit over one parameter; a parameter for one of a set of equilibria; a bifurcation
+        over one parameter, or of a kind that has no condition here; `way` over two parameters, `kind` or `switch` over
+        one.
+
+    Notes
+    -----
+    Orbits of several applications of the map (`count`) end where they shrink onto one of fewer, at its flip: that is
+    the branch's last bifurcation, and its orbit leads on. A branch also ends where orbits are not isolated, and where
+    they do not repeat in the period that follows (a `period` given as a number while the frequency changes).
+
+    A period is shot over in one piece as long as its multipliers allow it (up to 1e4), then in segments, as many as
+    their growth asks for; they begin where the motion slips and no event is near, and move with the events.
+
+    Source: Keller's arclength continuation (1977); changes of itinerary as in di Bernardo, Budd,
+    Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008; Govaerts, Numerical Methods for Bifurcations of
+    Dynamical Equilibria, 2000, for bordered test functions; Kuznetsov, Elements of Applied Bifurcation Theory, for the
+    names.
+
+    >>> t, x, v = sp.symbols("t x v", real=True)
+    >>> F = sp.Symbol("F", positive=True)
+    >>> dry = System({x: v, v: sp.sin(2*t) - x - F*sp.sign(v)}, time=t, parameters={F: 0.3})
+    >>> orbit = find_orbit(dry, {x: 1, v: 0.5}, seen=Strobe(sp.pi, symmetry={x: -x, v: -v}))
+    >>> [b.kind for b in follow(orbit, {F: 0.8}, steps=Steps(first=0.1)).bifurcations]
+    ['crossing-sliding']
+
+    The flip of the Henon map, 4 a = 3 (1 - b)**2:
+
+    >>> t, x, y, a, b = sp.symbols("t x y a b", real=True)
+    >>> step = Event(every=1, update={x: 1 - a * x**2 + y, y: b * x})
+    >>> henon = System({x: 0 * x, y: 0 * y}, time=t, parameters={a: 0.1, b: 0.3}, events=[step])
+    >>> orbit = find_orbit(henon, {x: 0.6, y: 0.2}, seen=Strobe(1, phase=0.5))
+    >>> (flip,) = follow(orbit, {a: 0.6}).of_kind("flip")
+    >>> curve = follow(flip, {a: (0, 2), b: (-0.5, 0.5)})
+    >>> p, q = curve.values
+    >>> bool(abs(4 * p - 3 * (1 - q) ** 2).max() < 1e-8)
+    True
+    """
+    steps = steps or Steps()
+    if len(over) == 2:
+        if way is not None:
+            raise ValueError("`way` is for one parameter; leave it out: over two a curve goes both ways.")
+        return follow_curve(start, over, kind, switch, virtual, steps, max_steps, max_seconds)
+    if len(over) != 1:
+        raise ValueError(
+            f"`over` names {checks.listing(over)}; give one parameter for a branch, two for a curve of bifurcations."
+        )
+    if not isinstance(start, (PeriodicOrbit, Equilibrium)):
+        raise TypeError(
+            f"`start` is {checks.shown(start)}, which is followed over two parameters; give two, or an orbit or an "
+            "equilibrium."
+        )
+    for name, value in (("kind", kind), ("switch", switch)):
+        if value is not None:
+            raise ValueError(f"`{name}` is for curves over two parameters; leave it out, or give a second one.")
+    ((parameter, to),) = over.items()
+    return follow_branch(start, parameter, to, way, virtual, steps, max_steps, max_seconds)
