@@ -41,10 +41,18 @@ from ..state import (
 )
 from ..step.finer import SWITCHING, follow_as_asked, go_on_as_arcs
 from ..step.recording import record_ambiguity, record_event
-from ..surface.sliding import INSIDE, is_at_rest, keep_on_surface, surface_rounding, surface_size
+from ..surface.sliding import (
+    INSIDE,
+    is_at_rest,
+    keep_on_surface,
+    surface_rounding,
+    surface_size,
+    surface_speed,
+    surface_tolerance,
+)
 from .discs import settle_disc
 from .settling import close_contact, settle_at_rest
-from .surface_rates import approach_speed, stays_at_zero, stop_normal_speed
+from .surface_rates import approach_speed, evaluate_surfaces, stays_at_zero, stop_normal_speed
 
 AT_ONCE = 1e-13  # instants closer than this (relative to the time) are one instant
 # Where motions are fast beside the time: closer than this part of a step, or than the rounding of the time.
@@ -54,6 +62,7 @@ _SLOW = 1e-9  # and one this close whose intervals come near to AT_ONCE: a ratio
 _CLOSE = 1e-4  # and one whose surface is lost in its roundings before: its limit is told to the square
 # Steps within an arc grow from a millionth of it, where it begins with the root of a height.
 _SHORTEST, _SHRUNK_ARCS = 1e-7, 1e-4  # relative to the time, and to that over which they have shrunk
+_RECENT = 10.0  # intervals: what has switched in the last ones accumulates with the others
 _LOWEST = 1e-9  # of the size of what a surface is made of
 _WHOLE = 1.0 - 1e-6  # of a flight: what one step takes of it
 _WEAK = 1e-3  # of a speed: what a force changes that does not end its impacts
@@ -200,6 +209,17 @@ def _settle_stopped_discs(P, S, R, W):
 
 
 @kernel
+def _comes_to_zero(P, C, S, W, j, interval):
+    """Whether the surface of switch j is 0 where others accumulate, but for what it changes by in some of the last
+    intervals; it may only jump with them, from one value to another."""
+    if P.nested[j] == 0 or P.kind[j] >= DISC:
+        return True
+    evaluate_surfaces(P, S, W)
+    near = _RECENT * interval * abs(surface_speed(P, W, j)) + surface_tolerance(P, C, W, j)
+    return abs(W.h[j]) <= near + surface_rounding(P, S, j, W)
+
+
+@kernel
 def pass_accumulation(P, C, S, R, W):
     """Passes an accumulation point that has come within rounding; NOTHING if there is none, else a code."""
     t = S.t
@@ -228,8 +248,8 @@ def pass_accumulation(P, C, S, R, W):
     size, held, stopped = 0, 0, False
     for j in range(P.m):
         free = S.status[j] != SOLVED and S.status[j] != HELD and P.kind[j] != ALGEBRAIC
-        recent = S.last[j, 1] > 0.0 and t - S.last[j, 0] <= 10.0 * interval
-        if j != leader and not (free and recent):
+        recent = S.last[j, 1] > 0.0 and t - S.last[j, 0] <= _RECENT * interval
+        if j != leader and not (free and recent and _comes_to_zero(P, C, S, W, j, interval)):
             continue
         record_event(S, R, j, EV_ACCUMULATION, S.status[j], 0)
         forget_intervals(S.last[j], S.t)
@@ -258,7 +278,7 @@ def pass_accumulation(P, C, S, R, W):
         # Its surface may accumulate with these; what it does may have no limit.
         if (
             W.firing.last[i, 1] > 0.0
-            and t - W.firing.last[i, 0] <= 10.0 * interval
+            and t - W.firing.last[i, 0] <= _RECENT * interval
             and not _comes_to_rest(P, S, W, i)
         ):
             record_ambiguity(S, R, P.m + i, AMB_ACCUMULATION, 0)

@@ -198,3 +198,22 @@ def test_events_that_impacts_carry_the_motion_through_accumulate_with_them(settl
     ball = System({q: u, u: -2 + Unilateral(q, restitution=0.5, name="R").reaction, z: 0}, events=[count])
     found = [a.kind for a in solve(ball, (0, 4), {q: 1, u: 0, z: 1}).ambiguities]
     assert found == ([] if settled else ["events that accumulate"])
+
+
+@pytest.mark.parametrize("method", ["taylor", "rk"])
+def test_a_condition_that_jumps_with_what_accumulates_moves_nothing(method):
+    # Mod < c holds always; as it steps at each bounce, its surface jumps between 3/4 and nearly 0, with no limit at 0.
+    q, u, w, x, c = sp.symbols("q u w x c", real=True)
+    floor = Unilateral(q, restitution=0.5)
+    tooth = sp.Mod(u + q / 2 + sp.Piecewise((1, w < -6), (0, True)) + sp.Rational(3, 4), c)
+    rates = {
+        q: u,
+        u: floor.reaction - 1,
+        w: -floor.reaction * sp.sign(w) / 4,
+        x: sp.Piecewise((1, tooth < c), (0, True)),
+    }
+    system = System(rates, parameters={c: 0.75})
+    for height in (0.1, 0.2, 0.31, 0.4):
+        run = solve(system, (0, 3), {q: height, u: 0, w: -5, x: 0}, method=method)
+        # The floor's impulse is the weight's, 3, and a quarter of it acts on w.
+        assert run.success and [run["w"][-1], run["x"][-1]] == pytest.approx([3 / 4 - 5, 3], abs=1e-8)
