@@ -126,7 +126,7 @@ def hidden_oscillator() -> Setting:
 
     def limit(ratio):
         system = whole.system.layered({"z": ratio})
-        return replace(whole, system=system, start=motion_only, atol={})
+        return replace(whole, system=system, x0=motion_only, atol={})
 
     def smooth():
         return replace(whole, system=whole.system.smoothed(eps=EPS))
