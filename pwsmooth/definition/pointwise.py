@@ -41,6 +41,8 @@ _NUDGES = 4  # of the Floats in them, by a rounding each
 def value(expr, point):
     """`expr` as a float where the symbols have the values of the dict `point`; nan where it is undefined.
 
+    The entries of a drive's table are those of the point too, or one number each.
+
     Of a `Select` or `Piecewise` only the active branch is evaluated.
     """
     try:
@@ -58,8 +60,11 @@ def _function(e, numbers):
     """The function point -> value of an expression; branches that no point takes are never looked into."""
     if e.is_Symbol:
         return operator.itemgetter(e)
-    if e.is_Number or e.is_NumberSymbol or isinstance(e, Entry):
-        constant = draw(sp.Symbol(str(e)), 0) if isinstance(e, Entry) else numbers.of(e)
+    if isinstance(e, Entry):
+        drawn = draw(sp.Symbol(str(e)), 0)
+        return lambda point: point.get(e, drawn)
+    if e.is_Number or e.is_NumberSymbol:
+        constant = numbers.of(e)
         return lambda point: constant
     if isinstance(e, Select):
         return lambda point: _selected(*e.args, point, numbers)

@@ -20,7 +20,7 @@ import random
 import numpy as np
 import sympy as sp
 
-from .model import Held, Select
+from .model import Entry, Held, Select
 from .pointwise import draw, value
 
 POINTS = 8  # on the surface; two would do for polynomials, more reach the branches of a Piecewise
@@ -97,6 +97,8 @@ class Surface:
         self.coordinates = [x for x in (*field.states, field.time, *unknowns) if x in free]
         typical = zip(field.parameters, field.typical, strict=False)
         self.typical = {p: size for p, size in typical if size != 0}
+        shown = [self.h, *expressions, *(h for _, h in self.switches)]
+        self.entries = set().union(*(e.atoms(Entry) for e in shown))
         self.points: list[tuple[dict, dict]] = []
         for size in SIZES if self.coordinates else ():
             for k in range(4 * POINTS):
@@ -127,6 +129,7 @@ class Surface:
             point[memory] = random.Random(f"{memory.name} {k}").choice((*choices, draw(memory, k)))
         for p in self.typical.keys() & point.keys():
             point[p] = self.typical[p] * (1.0 if p.is_integer else 1 + 0.03 * draw(p, k))
+        self._put_in_cells(point, k)
         coordinate = self.coordinates[k % len(self.coordinates)]
         beside = self._with_signs(dict(point))
         on = dict(point)
@@ -138,6 +141,19 @@ class Surface:
         if wrong * on[coordinate] > 0.0:
             return None  # the surface is met, but where this coordinate never is
         return beside, self._with_signs(on)
+
+    def _put_in_cells(self, point, k):
+        """Drives have values that they have in some cell of their records: the least, the largest, the middle, ..."""
+        rank = float(k) if k < 2 else _halved(k - 1)
+        for entry in sorted(self.entries, key=str):
+            table, cell, column = entry.args
+            rows, steps = table.rows, random.Random(f"{cell} {k}")
+            row = int(rows[:, -1].argsort()[round(rank * (len(rows) - 1))])
+            if column == 0:
+                length = (rows[row + 1, 0] if row + 1 < len(rows) else table.end) - rows[row, 0]
+                point[entry] = point.get(self.field.time, 0.0) - steps.random() * length
+            else:
+                point[entry] = float(rows[row, int(column)])
 
     def reach_beyond(self):
         """Moves the points, along what does not stand in h, to both sides of the thresholds of other switches; whether
@@ -219,6 +235,11 @@ class Surface:
         """Is `expr` nonlinear in lambda (or in another symbol) on the surface?"""
         symbol = symbol or self.lam
         return any(_bends(expr, lambda s, on=on: on | {symbol: s}) for _, on in self.points)
+
+
+def _halved(k):
+    """1/2, 1/4, 3/4, 1/8, ...: the k-th number of van der Corput."""
+    return sum(int(digit) / 2 ** (i + 1) for i, digit in enumerate(reversed(f"{k:b}")))
 
 
 def _root(h, point, c):

@@ -138,17 +138,19 @@ def hold_second_order(P, S, R, W, size):
     """Settles those of W.instant.active[:size] that can slide to second order; returns the size without them.
 
     With h = dh/dt = 0 such a switch stays where lambda between its bounds keeps d2h/dt2 = 0, as a closed contact does
-    with its reaction, and leaves to the side of the bound where it would take more.
+    with its reaction, and leaves to the side of the bound where it would take more. Where a contact holds the motion
+    it has nothing to hold.
     """
     instant = W.instant
     count, rest = 0, 0
     for a in range(size):
         j = instant.active[a]
         if P.kind[j] == SECOND_ORDER:
-            instant.group[count] = j
-            count += 1
-            S.status[j] = SOLVED
-            S.mult[j] = 0.0
+            supported = len(P.contact) > 0 and is_supported(P, S, W, j)
+            S.status[j], S.mult[j] = HELD if supported else SOLVED, 0.0
+            if not supported:
+                instant.group[count] = j
+                count += 1
         else:
             instant.active[rest] = j
             rest += 1

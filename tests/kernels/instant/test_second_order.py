@@ -387,3 +387,17 @@ def test_what_breaks_loose_and_comes_to_the_origin_overloaded_goes_on():
         (0, 6), [0.5, 0], method="Radau", rtol=1e-7, atol=1e-10, max_step=0.02,
     )  # fmt: skip
     assert solution.success and solution.x[:, -1] == pytest.approx(steep.y[:, -1], abs=1e-5)
+
+
+@pytest.mark.parametrize("method", ["auto", "rk"])
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("start", [0, 0.3])
+def test_a_relay_at_whose_position_a_stop_holds_has_nothing_to_hold_when_an_event_acts(start, sign, method):
+    # The stop holds the body down: what another state is set to changes neither it nor the force on it.
+    stop = Unilateral(x, restitution=0)
+    rates = {x: v, v: -1 + 0.3 * sp.sin(t) + sign * sp.sign(x) / 2 + stop.reaction, y: -y}
+    tick = Event(every=0.4, update={y: -y / 2})
+    solution = solve(System(rates, time=t, events=[tick]), (0, 4), [start, 0, 1], method=method)
+    assert solution.success and not solution.ambiguities
+    assert solution["x"][-1] == 0
+    assert solution.mult[:, -1] == pytest.approx([0, 1 - 0.3 * math.sin(4)], abs=1e-12)

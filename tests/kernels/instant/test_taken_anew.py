@@ -552,6 +552,20 @@ def test_a_force_that_steps_with_a_condition_on_an_unknown_lets_static_friction_
         assert run["v"][-1] == pytest.approx(way * (force - 0.5) * (3 - meeting), abs=1e-9)
 
 
+@METHODS
+@pytest.mark.parametrize(("kind", "early"), [("hold", 0), ("line", 0.5)])
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_friction_that_a_drive_turns_on_holds_the_motion_whatever_its_other_samples_are(
+    way, kind, early, method
+):
+    # The brake is on from the sample at 2, or half-way to it, on for 10: x comes to 0 after 1/2, and goes on then.
+    samples = way * np.array([-1.0, -1, *[1] * 10, -1, -1, -1])
+    on = sp.Piecewise((sp.sign(x), way * v > 0), (0, True))
+    system = System({x: 1 / 2 - on}, drives={v: Drive(np.arange(15.0), samples, kind=kind)})
+    run = solve(system, (0, 12.5 - early), {x: -1.75 + early / 2}, method=method)
+    assert run.success and run["x"][-1] == pytest.approx(0.25, abs=1e-9)
+
+
 @pytest.mark.parametrize("level", [2.0, 0.25])
 def test_a_condition_holds_the_motion_at_the_values_of_the_run_whatever_the_declared_ones_are(level):
     # Of x < 1 and x < c the smaller level holds; declared is c = 2, where x < c changes nothing.
