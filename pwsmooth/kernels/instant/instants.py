@@ -661,11 +661,9 @@ def _sides_of_events(P, C, S, W, freed):
         if S.deflate[i] != 0 and P.watch[i - P.m] == 0 and (freed or W.instant.hit[i]):
             way = approach_speed(P, S, i, W)
             rests = abs(way) <= W.instant.rest_speed
-            if P.nested[i] != 0 or (rests and freed):  # unknowns in it move as well; or it rested
+            if P.nested[i] != 0 or rests:  # unknowns in it move as well; or only its acceleration tells
                 order = order_of_leaving(P, C, S, W, i)
                 S.deflate[i], way = max(S.deflate[i], abs(order)), float(order)
-            elif rests:
-                continue
             if way != 0.0:
                 S.side[i - P.m] = 1 if way > 0.0 else -1
 

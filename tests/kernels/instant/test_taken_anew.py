@@ -450,6 +450,18 @@ def test_an_event_on_a_moving_surface_that_holds_the_motion_fires_as_it_comes_th
 
 
 @METHODS
+@pytest.mark.parametrize("direction", [0, 1])
+def test_an_event_on_the_gap_of_a_table_that_falls_away_fires_once_as_it_is_hit(direction, method):
+    # The body hits without rebound while the table falls faster: only the acceleration of the gap is left.
+    table = Unilateral(x - c * sp.sin(q * t), restitution=0)
+    bell = Event(table.gap, direction=direction, update={n: n + 1})
+    system = System({x: v, v: table.reaction - 1}, time=t, parameters={c: 0.25, q: 3}, events=[bell])
+    for height, rate in ((0.25, 3.2), (0.14, 3.1), (0.22, 2.8), (0.24, 2.4), (0.19, 2.9)):
+        run = solve(system, (0, 1), {x: 0.3, v: 0}, parameters={c: height, q: rate}, method=method)
+        assert run["n"][-1] == (0 if direction else sum(event.kind == "impact" for event in run.events))
+
+
+@METHODS
 def test_a_surface_that_has_been_passed_is_met_again_whatever_a_memory_counts(method):
     # From the tick on x = t - t^2/2 - 7/32: up through 1/10, and down again. A memory of 1 is not a rounding less.
     tick = Event(at=sp.Rational(1, 4), update={m: 1})
