@@ -553,6 +553,8 @@ def sides_after_crossing(P, S, R, W):
         for j in range(P.m):
             if P.nested[j] == 0 or W.instant.hit[j] or P.kind[j] >= CONTACT:
                 continue
+            if S.deflate[j] != 0 and abs(S.status[j]) == 1 and W.h[j] == W.instant.stood[j]:
+                continue  # it has been met at this instant, within the tolerance of a step, and nothing has moved it
             within = surface_rounding(P, S, j, W) + _late_by(P, S, W) * abs(surface_speed(P, W, j))
             if not abs(W.h[j]) > within:  # nan where a root has its branch point
                 if S.deflate[j] == 0 and S.status[j] * approach_speed(P, S, j, W) > W.instant.rest_speed:

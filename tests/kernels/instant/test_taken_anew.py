@@ -102,6 +102,26 @@ def test_a_condition_on_stairs_holds_where_a_disc_comes_to_rest_on_their_step():
     assert len(run.event_times(kind="stick")) == 1 and run["x"][-1] == pytest.approx(2, abs=1e-9)
 
 
+def test_a_switch_that_an_event_jumps_with_is_crossed_once():
+    # b of a disc passes 0, as sign(b - 1/2 + 1/2) does; the event that jumps with it pushes another state.
+    disc, stop = Disc("D", (y, v)), Unilateral(q, restitution=0.5)
+    inner = sp.sign(q + sp.Rational(1, 2)) / 2
+    system = System(
+        {
+            y: sp.sin(t + 0.5) / 2 - disc[0], v: sp.sin(2 * t) / 2 - disc[1], q: w, w: stop.reaction - 1,
+            x: 3 * sp.sin(3 * t - 0.5) / 4 - x / 2,
+        },
+        time=t, parameters={c: -0.5},
+        events=[Event(x / 2 - q - 1 / 2 + sp.sign(v - inner - c), update={n: n + 1})],
+    )  # fmt: skip
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        start = {y: rng.uniform(-0.4, 0.4), v: -rng.uniform(0.3, 0.6), q: 0.75, w: -0.5, x: rng.uniform(0.2, 0.6)}
+        run = solve(system, (0, 0.55), start)
+        turns = [e.time for e in run.events if e.kind == "crossing"]
+        assert run.success and len(set(turns)) == len(turns) and run["n"][-1] <= 3
+
+
 @METHODS
 def test_a_pulse_ends_before_what_is_given_at_its_end(method):
     # h = (8 - 5 x)/10 - pulse/2 falls at 1, as the pulse begins; at 3/2 it rises as that ends, and falls by the kick.
