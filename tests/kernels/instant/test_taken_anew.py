@@ -116,7 +116,13 @@ def test_a_switch_that_an_event_jumps_with_is_crossed_once():
     )  # fmt: skip
     rng = np.random.default_rng(3)
     for _ in range(20):
-        start = {y: rng.uniform(-0.4, 0.4), v: -rng.uniform(0.3, 0.6), q: 0.75, w: -0.5, x: rng.uniform(0.2, 0.6)}
+        start = {
+            y: rng.uniform(-0.4, 0.4),
+            v: -rng.uniform(0.3, 0.6),
+            q: 0.75,
+            w: -0.5,
+            x: rng.uniform(0.2, 0.6),
+        }
         run = solve(system, (0, 0.55), start)
         turns = [e.time for e in run.events if e.kind == "crossing"]
         assert run.success and len(set(turns)) == len(turns) and run["n"][-1] <= 3
