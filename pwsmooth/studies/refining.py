@@ -115,11 +115,11 @@ class SweepPlan:
 def make_plan(
     system: Any,
     axes: Mapping[Any, Sequence[float]] | None = None,
+    x0: Mapping[Any, float] | Sequence[float] | None = None,
+    seen: Strobe | Return | None = None,
     *,
     points: Mapping[Any, Sequence[float]] | None = None,
-    x0: Mapping[Any, float] | Sequence[float] | None = None,
     measures: Any = ("sticks", "itinerary", "period"),
-    seen: Strobe | Return | None = None,
     transient: int = 100,
     periods: int = 20,
     t_span: Sequence[float] | None = None,
@@ -242,7 +242,7 @@ def refine(
     40 True
     """
     if not isinstance(plan, SweepPlan):
-        raise TypeError(f"`plan` is {checks.shown(plan)}; give what sweep.make_plan() returns.")
+        raise TypeError(f"`plan` is {checks.shown(plan)}; give what make_plan() returns.")
     most = checks.optional(checks.positive)(max_seconds, "`max_seconds`")
     settle = checks.optional(checks.positive)(settle, "`settle`")
     workers = checks.whole(workers, "`workers`", 1)

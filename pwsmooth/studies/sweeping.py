@@ -26,11 +26,11 @@ __all__ = ["sweep"]
 def sweep(
     system: Any,
     axes: Mapping[Any, Sequence[float]] | None = None,
+    x0: Mapping[Any, float] | Sequence[float] | None = None,
+    seen: Strobe | Return | None = None,
     *,
     points: Mapping[Any, Sequence[float]] | None = None,
-    x0: Mapping[Any, float] | Sequence[float] | None = None,
     measures: Any = ("sticks", "itinerary", "period"),
-    seen: Strobe | Return | None = None,
     transient: int = 100,
     periods: int = 20,
     t_span: Sequence[float] | None = None,
@@ -54,15 +54,15 @@ def sweep(
     axes : mapping of name to sequence of float, any length
         A grid: parameters, initial values of states, the time symbol (start time), "seed" or "trajectory" of the
         noise; in the units of the model.
+    seen : Strobe or Return, optional
+        An orbit runs for `transient` periods of the drive (returns of an autonomous system) unseen, then `periods` more
+        are measured. One that is not back in time has the outcome no_return_to_the_section.
     points : mapping of name to sequence of float, all of one length
         A list of points, one of each sequence, in the units of the model; with `axes` too, the whole grid at every
         point of the list.
     measures : sequence of Measure, str or callable
         Names ("sticks", "itinerary", "period", "amplitude(y)", "extremes(y)", "statistics(mu)", "points(y, v)",
         "counts", "lyapunov"), Measures of this module, functions of the Solution.
-    seen : Strobe or Return, optional
-        An orbit runs for `transient` periods of the drive (returns of an autonomous system) unseen, then `periods` more
-        are measured. One that is not back in time has the outcome no_return_to_the_section.
     units : mapping of name to str
         Of parameters, states, outputs and time; they label coordinates and variables.
     noise : Kicks or Diffusion, optional
