@@ -574,7 +574,7 @@ def ending(b: Browser, shots: Path | None) -> None:
         found = subprocess.run(
             ["ps", "-o", "args=", "--ppid", str(run.pid)], capture_output=True, text=True
         ).stdout
-        return found.count("explore.processes")
+        return found.count("explorer.processes")
 
     with served("--preset", "figure-8") as (url, run):
         tab = b.chromium.new_page()
