@@ -62,7 +62,7 @@ def children(pid: int) -> int:
     below, found = {str(pid)}, 0
     for _ in range(6):
         below |= {row[0] for row in rows if row[1] in below}
-    found = sum(row[0] in below and "explore.processes" in row[2] for row in rows)
+    found = sum(row[0] in below and "explorer.processes" in row[2] for row in rows)
     return found
 
 
