@@ -32,7 +32,7 @@ from ..state import (
     THROUGH,
     UNRECORDED,
 )
-from ..step.meeting import is_clocked
+from ..step.meeting import is_clocked, late_by
 from ..step.recording import put_on_tape, record_ambiguity, record_event
 from ..surface.sliding import (
     follow,
@@ -48,7 +48,7 @@ from .surface_rates import any_kind, approach_speed, evaluate_surfaces
 
 _MOST_INSIDE = 1e-9  # of the states and their way: what one may be moved by
 _TICK = 1e-15  # of the time: its rounding
-NOW, LATER = 1, 2  # of instant.waits
+NOW, LATER = 1, 2  # in instant.waits: met and about to be settled; once what its surface jumps with has settled
 BETWEEN = 0.3  # a multiplier inside (-1, 1): stairs that have a step at both of its sides have none here
 _OF_A_STEP = 1e-8  # by so much at most the series of a step tells an instant too late or too early
 
@@ -304,8 +304,8 @@ def place_those_that_wait(P, S, W, size):
 
 
 @kernel
-def _cross(S, R, W, j, order):
-    """Switch j takes its other side, with so many known zero orders of its surface."""
+def _strike(S, R, W, j, order):
+    """Switch j takes its other side by the time alone, with so many known zero orders of its surface."""
     record_event(S, R, j, EV_CROSSING, S.status[j], -S.status[j])
     S.status[j] = -S.status[j]
     S.mult[j] = float(S.status[j])
@@ -343,10 +343,10 @@ def strike_switches(P, C, S, R, W):
         note_surfaces(P, S, W)
         for j in range(P.m):
             if _is_met_in_time(P, C, S, W, j):
-                _cross(S, R, W, j, 1)
+                _strike(S, R, W, j, 1)
         for k in range(S.ticks, tick):
             if C.clock_event[k] >= P.ne:
-                _cross(S, R, W, C.clock_event[k] - P.ne, 0)
+                _strike(S, R, W, C.clock_event[k] - P.ne, 0)
         renew_unknowns(P, S, W)
         leave_what_jumps(P, S, R, W)
         sides_after_crossing(P, S, R, W)
@@ -533,13 +533,12 @@ def fire_due(P, S, R, W):
 
 
 @kernel
-def _late_by(P, S, W):
-    """How late or early the instant may be: what the surfaces of switches that cross are off by, over their speeds."""
+def _latest(P, S, W):
+    """How late or early the instant may be: what the surfaces of switches that cross say."""
     late = 0.0
     for i in range(P.m):
         if W.instant.hit[i] and P.kind[i] < DISC and abs(S.status[i]) == 1:
-            speed = abs(surface_speed(P, W, i))
-            late = max(late, abs(W.h[i]) / speed if speed > 0.0 else 0.0)
+            late = max(late, late_by(P, W, i))
     return min(late, _OF_A_STEP * W.step.length)
 
 
@@ -555,7 +554,7 @@ def sides_after_crossing(P, S, R, W):
                 continue
             if S.deflate[j] != 0 and abs(S.status[j]) == 1 and W.h[j] == W.instant.stood[j]:
                 continue  # it has been met at this instant, within the tolerance of a step, and nothing has moved it
-            within = surface_rounding(P, S, j, W) + _late_by(P, S, W) * abs(surface_speed(P, W, j))
+            within = surface_rounding(P, S, j, W) + _latest(P, S, W) * abs(surface_speed(P, W, j))
             if not abs(W.h[j]) > within:  # nan where a root has its branch point
                 if S.deflate[j] == 0 and S.status[j] * approach_speed(P, S, j, W) > W.instant.rest_speed:
                     S.deflate[j] = 1  # it has jumped onto its surface, and is left on the side that it has

@@ -42,10 +42,9 @@ from ..state import (
     State,
 )
 from ..step.finer import SWITCHING, follow_arcs, follow_as_asked
-from ..step.meeting import is_clocked, orders_at_rest, rested_on
+from ..step.meeting import is_clocked, late_by, orders_at_rest, rested_on
 from ..step.recording import put_causes_on_tape, record_ambiguity, record_event, record_point
 from ..step.singular import POLE, has_branch_point
-from ..step.steps import surface_rows
 from ..surface.layer import LEAVE_FOLD
 from ..surface.sliding import (
     INSIDE,
@@ -145,7 +144,6 @@ from .surface_rates import (
 # tolerance say so, and it slides to second order from then on. Switchings that accumulate at an instant come to it
 # with fewer.
 _MOST_MINUTE = 10_000
-_STEEP = 1e-3  # of the slope with which a surface would have come straight: one that is crossed
 _OF_A_FIT = 1e-6  # of a step of the pair: by so much its fit may tell zeros of one instant apart
 
 
@@ -681,15 +679,6 @@ def _note_clocks(P, C, S, W):
 
 
 @kernel
-def _late_by(P, W, i, elapsed):
-    """How far in time from the zero of surface i, which has been met, the instant is; 0 where it is nearly touched, of
-    which the instant is told by its square alone."""
-    row, speed = surface_rows(P, W.step.kind)[i], abs(surface_speed(P, W, i))
-    touched = row < 0 or speed * elapsed <= _STEEP * abs(W.step.rows[row, 0])
-    return 0.0 if touched else abs(W.h[i]) / speed
-
-
-@kernel
 def _note_what_is_met(P, C, S, W):
     """Overwrites instant.hit, known zeros of S and instant.came; states that are surfaces are put on them."""
     instant = W.instant
@@ -700,7 +689,7 @@ def _note_what_is_met(P, C, S, W):
         told = _OF_A_FIT * elapsed
         for i in range(m + ne):
             first = W.meeting.tau[i] <= 1.0 and (W.meeting.tau[i] - instant.met) * W.step.length <= within
-            late = max(late, _late_by(P, W, i, elapsed)) if first and W.h[i] != 0.0 else late
+            late = max(late, late_by(P, W, i)) if first else late
         late = min(late, told)
     for i in range(m + ne):
         later = (W.meeting.tau[i] - instant.met) * W.step.length

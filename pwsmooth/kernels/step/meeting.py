@@ -10,7 +10,7 @@ from ..machine.compiling import inlined_kernel, kernel
 from ..machine.lanes import load8, store8
 from ..machine.pointers import at, call_act, call_linear
 from ..state import ALGEBRAIC, COMPONENT, CONTACT, DISC, HELD, KINK, PAIR, SLIDING, SOLVED, START
-from ..surface.sliding import sum_terms, surface_size, surface_tolerance
+from ..surface.sliding import sum_terms, surface_size, surface_speed, surface_tolerance
 from .collocation import DEFECT
 from .finer import SWITCHING
 from .rhythm import expected
@@ -30,6 +30,7 @@ _AT_ONSET = 1e-3  # of a step: as near to its beginning as a defect makes a zero
 _RESTING = 8  # terms of a series that are looked at
 _NEARBY = 1e3  # times that: worth a look
 _CURVED = 1e-6  # of a surface's change on the step: less is the bend of one that crosses with its slope 0
+_STEEP = 1e-3  # of the slope with which a surface would have come straight: one that is crossed
 _SHALLOW = 10.0  # tolerances: the interpolant of the pair is less good than its step
 
 
@@ -287,6 +288,15 @@ def rested_on(P, S, W, i):
         moved += abs(W.step.rows[row, k]) * power
     told = W.meeting.rounding[i] + length * W.meeting.blur[i]
     return moved <= max(SURFACE_ROUNDING if S.deflate[i] != 0 else 0.0, told)
+
+
+@kernel
+def late_by(P, W, i):
+    """How far in time from the zero of surface i, which has been met, the instant is, by W.h and W.dh; 0 where it is
+    nearly touched, which tells the instant by its square alone."""
+    row, speed = surface_rows(P, W.step.kind)[i], abs(surface_speed(P, W, i))
+    touched = row < 0 or speed * W.instant.elapsed <= _STEEP * abs(W.step.rows[row, 0])
+    return 0.0 if touched else abs(W.h[i]) / speed
 
 
 @inlined_kernel

@@ -249,7 +249,6 @@ def _stop_before(P, C, S, W, i, h):
     for _ in range(_MOST_HALVES):
         h *= 0.5
         _restore(P, S, W)
-        _rate(P, S, W, S.t, W.pair.k, 0)
         if _try_step(P, C, S, W, h) < math.inf and side * W.h[i] > 0.0:
             _polynomials(P, S, W, h)
             W.pair.next_step = h
