@@ -272,12 +272,12 @@ class Diagram(Described):
             count, starts = self.explained.shape
             off, resting = (int(np.sum(self.explained == code)) for code in (NOWHERE, IN_A_SET))
             told = f", {resting} in sets of orbits" if resting else ""
-            rows.append(("orbit diagram", [f"{count} values, {starts} starts; {off} ends on no branch{told}"]))
+            looked = f"{count} values, {starts} start{'s' * (starts != 1)}"
+            of = self.explained.size
+            rows.append(("orbit diagram", [f"{looked}; {off} of {of} runs end on no branch{told}"]))
         rows.append(("lost", some(list(self.lost))))
         if self.left:
             bounds = "`max_depth`, `max_branches` and `max_count`"
             rows.append(("not followed", [f"{self.left} more branches, for the bounds {bounds}"]))
-        return (
-            f"Diagram over {self.parameter} from {low:.9g} to {high:.9g}: {len(self.branches)} branches",
-            rows,
-        )
+        branches = f"{len(self.branches)} branch{'es' * (len(self.branches) != 1)}"
+        return f"Diagram over {self.parameter} from {low:.9g} to {high:.9g}: {branches}", rows

@@ -247,7 +247,7 @@ def named_subject(
         if not isinstance(what, Scene):
             raise StudyError(
                 f"{scene} is no scene. A System needs a start and a span: wrap it, "
-                "Scene(name, system, start, t_span), or call pwsmooth.explore(system, x0, t_span=...)."
+                "Scene(name, system, x0, t_span), or call pwsmooth.explore(system, x0, t_span=...)."
             )
         file, _, name = scene.partition(":")
         path = file if folder is None else str(folder / file)

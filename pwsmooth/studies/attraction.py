@@ -115,7 +115,8 @@ class Basins(Described):
         rows += [
             (f"{many / self.kinds.size:.1%}", [kind]) for kind, many in zip(kinds.tolist(), numbers.tolist())
         ]
-        return f"Basins of {len(self.attractors)} attractors, from {starts}", rows
+        attractors = f"{len(self.attractors)} attractor{'s' * (len(self.attractors) != 1)}"
+        return f"Basins of {attractors}, from {starts}", rows
 
 
 @checks.door(
