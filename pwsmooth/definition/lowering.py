@@ -205,7 +205,7 @@ def multipliers(field):
         if regularity == "crossing" and residual == h:  # of unknowns that lambda does not move, but their rates
             h, residual, regularity, hidden = _by_rates(field, index)
         second = second_derivative(field, index, residual) if regularity == "crossing" else None
-        at_zero = field.at_zero.get(lam) if regularity != "sliding" and second is None else None
+        at_zero = field.at_zero.get(lam)
         result.append(
             Multiplier(lam, "switch", residual, h, regularity, hidden, second=second, at_zero=at_zero)
         )

@@ -219,7 +219,7 @@ class Multiplier:
     beside: sp.Expr | None = (
         None  # dh/dt, or d2h/dt2 while a kink in h is held from whose dh/dt lambda has gone
     )
-    # Of a switch that is only crossed: its value where h stays at 0, an expression of its sign, or BOTH; None: any.
+    # Of a switch: its value where h stays at 0 whatever it is, an expression of its sign, or BOTH; None: any.
     at_zero: int | sp.Expr | None = None
 
     @property

@@ -471,8 +471,9 @@ def _multipliers(field, sums, places, beside):
             field = replace(field, rates=tuple(map(moving, field.rates)))
         if regularity == "crossing" and second_derivative(lone, index, sampled(residual)) is not None:
             raise NoTemplate("a switch that can slide to second order")
-        at_zero = field.at_zero.get(lam) if regularity != "sliding" else None
-        result.append(Multiplier(lam, "switch", residual, h, regularity, hidden, at_zero=at_zero))
+        result.append(
+            Multiplier(lam, "switch", residual, h, regularity, hidden, at_zero=field.at_zero.get(lam))
+        )
     order = (*field.states, *field.memories)
     for R, gap, e in field.contacts:
         if beside.of(gap):
@@ -503,8 +504,7 @@ def _between(field, index, unknowns, ends):
     regularity, hidden = lowering.classify(field, index, residual)
     if hidden or (regularity == "crossing" and second_derivative(field, index, residual) is not None):
         raise NoTemplate("a switch that can hold neighbours together")
-    at_zero = field.at_zero.get(lam) if regularity != "sliding" else None
-    return Multiplier(lam, "switch", sp.S.Zero, h, regularity, at_zero=at_zero)
+    return Multiplier(lam, "switch", sp.S.Zero, h, regularity, at_zero=field.at_zero.get(lam))
 
 
 def _cubic(e, lam):

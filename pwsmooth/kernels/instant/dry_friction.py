@@ -24,7 +24,7 @@ from ..surface.dependent import PARTS, holds, independent, slopes_of_group
 from ..surface.sharing import FULL, least_load, slip_or_stick
 from ..surface.sliding import mask_solved
 from ..surface.sparse import entry, find_strengths, link, solve_dense, solve_masked
-from .holding import is_supported
+from .surface_rates import is_supported
 
 _SYMMETRIC = 1e-7  # of slopes, which differences tell
 _ALIKE = 1e-9  # of a slope: what is left of it where the others that stick determine the surface

@@ -170,20 +170,23 @@ def _renew_multipliers(P, S, W):
         W.instant.weak[j] = 0
     for sweep in range(2 * P.m + 1):
         evaluate_surfaces(P, S, W)
-        changed, solves = let_go, False
+        solves, renewed = False, False
         for j in range(P.m):
             W.mask[j] = int(S.status[j] == SOLVED and W.instant.weak[j] == 0)
             if P.kind[j] < DISC:
                 moved = W.h[j] != W.firing.switch_level[j]
                 if moved and W.h[j] != 0.0 and abs(W.h[j]) <= _rounding_of_update(P, S, W, j):
+                    if renewed:
+                        continue  # a switch renewed in this sweep may stand in this surface
                     keep_on_surface(P, S, j, W)  # 1 - 1 is 0
                     evaluate_surfaces(P, S, W)
                 side = float(S.status[j]) if not moved else 1.0 if W.h[j] > 0.0 else -1.0
                 if abs(W.h[j]) > surface_rounding(P, S, j, W) if moved else abs(S.status[j]) == 1:
                     W.mask[j] = 0
-                    changed = changed or S.mult[j] != side
+                    renewed = renewed or S.mult[j] != side
                     S.mult[j] = side
             solves = solves or W.mask[j] != 0
+        changed = let_go or renewed
         if sweep > 0 and not changed:
             return
         let_go = False

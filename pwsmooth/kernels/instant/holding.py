@@ -9,41 +9,56 @@ Chain: settling.py, instants.py -> **this file** -> surface_rates.py, sliding.py
 """
 
 from ..machine.compiling import inlined_kernel, kernel
-from ..state import AMB_REPELLING, EV_RESET, HELD, SECOND_ORDER, SLIDING, SOLVED
+from ..state import AMB_REPELLING, EV_RESET, EV_STICK, HELD, SECOND_ORDER, SLIDING, SOLVED
 from ..step.recording import record_ambiguity, record_event
 from ..surface.sliding import follow, keep_on_surface, mask_instant, mask_solved, surface_rounding
 from ..surface.sparse import entry, link
-from .surface_rates import AT_BOUND, approach_speed, evaluate_surfaces, order_of_leaving, residual
+from .surface_rates import (
+    AT_BOUND,
+    approach_speed,
+    evaluate_surfaces,
+    hold_at_zero,
+    is_supported,
+    order_of_leaving,
+    residual,
+)
 
-_NO_SLOPE = 1e-12  # of the diagonal
 AGAIN = 2  # instants at one time: where a field vanishes, and is not rounding, its surface is not met again
 
 
 @kernel
-def is_supported(P, S, W, j):
-    """Whether contacts and the like keep switch j on its surface, whatever its lambda is and those of others are."""
-    most = max(abs(residual(P, S, W, j, 1.0)), abs(residual(P, S, W, j, -1.0)))
-    evaluate_surfaces(P, S, W)
-    return most <= _NO_SLOPE * abs(W.G[P.g_diagonal[j]])
-
-
-@kernel
-def hold_supported(P, S, W, size):
+def hold_supported(P, S, R, W, size):
     """Holds at 0 those of W.instant.active[:size] whose surface is kept at 0 whatever their lambda is.
 
-    By a closed contact, as a piston at its stop, or by a second-order slide: lambda is not unique there. Returns the
-    size without them.
+    By a closed contact, as a piston at its stop, or by a second-order slide: lambda is what conditions say of 0.
+    Returns the size without them.
     """
     rest = 0
     for a in range(size):
         j = W.instant.active[a]
         if is_supported(P, S, W, j):
-            S.status[j] = HELD
-            S.mult[j] = 0.0
+            hold_at_zero(P, S, R, W, j)
         else:
             W.instant.active[rest] = j
             rest += 1
     return rest
+
+
+@kernel
+def hold_what_contacts_keep(P, S, R, W):
+    """Holds switches that could slide, on whose surfaces a contact that has just closed keeps the motion."""
+    mask_solved(P, S, W)
+    if not follow(P, S, W):
+        return
+    for j in range(P.m):
+        slides = P.kind[j] == SLIDING or P.kind[j] == SECOND_ORDER
+        if not slides or abs(S.status[j]) != 1:
+            continue
+        evaluate_surfaces(P, S, W)
+        if abs(W.h[j]) <= surface_rounding(P, S, j, W) and is_supported(P, S, W, j):
+            came = S.status[j]
+            hold_at_zero(P, S, R, W, j)
+            record_event(S, R, j, EV_STICK, came, 0)
 
 
 @kernel
@@ -146,9 +161,10 @@ def hold_second_order(P, S, R, W, size):
     for a in range(size):
         j = instant.active[a]
         if P.kind[j] == SECOND_ORDER:
-            supported = len(P.contact) > 0 and is_supported(P, S, W, j)
-            S.status[j], S.mult[j] = HELD if supported else SOLVED, 0.0
-            if not supported:
+            if len(P.contact) > 0 and is_supported(P, S, W, j):
+                hold_at_zero(P, S, R, W, j)
+            else:
+                S.status[j], S.mult[j] = SOLVED, 0.0
                 instant.group[count] = j
                 count += 1
         else:
@@ -268,7 +284,7 @@ def hold_what_rests(P, S, R, W):
         if P.kind[j] == SLIDING and S.status[j] == SOLVED:
             instant.active[size] = j
             size += 1
-    hold_supported(P, S, W, size)
+    hold_supported(P, S, R, W, size)
     for j in range(P.m):
         held = S.status[j] == SOLVED or instant.came[j] == SOLVED or instant.came[j] == HELD
         if P.kind[j] == SECOND_ORDER and instant.hit[j] and held:

@@ -106,6 +106,7 @@ from .holding import (
     hold_instead,
     hold_second_order,
     hold_supported,
+    hold_what_contacts_keep,
     hold_what_rests,
     rest_with_friction,
     some_second_order,
@@ -179,7 +180,7 @@ def _arrivals(P, C, S, R, W, size, jumped, turned):
     if len(P.contact) > 0:
         if not jumped:
             size = cross_without_load(P, S, R, W, size)
-        size = hold_supported(P, S, W, size)
+        size = hold_supported(P, S, R, W, size)
         for j in range(P.m):
             if S.status[j] == HELD and instant.came[j] != HELD and instant.hit[j]:
                 record_event(S, R, j, EV_STICK, instant.came[j], 0)
@@ -774,7 +775,7 @@ def at_instant(P, C, S, R, W):
         put_causes_on_tape(P, C, S, R, W)
     record_point(P, S, R)
     S.stalled = S.stalled + 1 if elapsed <= UNTOLD * time_size(S) else 0
-    events_before, closed = S.events, _closed(P, S) if any_kind(P, CROSSING) else -1
+    events_before, closed = S.events, _closed(P, S)
     endless = S.stalled > MOST_AT_ONCE
     if endless or (len(P.contact) > 1 and collapses(P, S, W)):
         # Derivatives do not go through what is told as one instant.
@@ -829,8 +830,9 @@ def at_instant(P, C, S, R, W):
         return code
     if len(P.contact) > 0:
         stop_closed(P, S, W)
-        if closed >= 0 and _closed(P, S) > closed:
+        if _closed(P, S) > closed:
             settle_beside(P, C, S, R, W)  # on what the contact keeps from there
+            hold_what_contacts_keep(P, S, R, W)
     freed = _is_freed(P, S, W)
     if P.ne > 0:
         _sides_of_events(P, C, S, W, freed)

@@ -36,13 +36,22 @@ from .holding import (
     hold_second_order,
     hold_supported,
     is_coupled,
-    is_supported,
     rest_with_friction,
     some_second_order,
     take_side,
     take_sides,
 )
-from .surface_rates import FAINT, any_is, evaluate_surfaces, look_ahead, look_back, order_of_leaving, residual
+from .surface_rates import (
+    FAINT,
+    any_is,
+    evaluate_surfaces,
+    hold_at_zero,
+    is_supported,
+    look_ahead,
+    look_back,
+    order_of_leaving,
+    residual,
+)
 
 _SAME = 1e-9  # of lambda: by less a slide is at its bound
 _SLIGHT = 1e-6  # of lambda: what an instant's rounding makes of it, as where impacts have come to their limit
@@ -156,10 +165,12 @@ def _settle_without_strength(P, C, S, R, W, j):
     """Switch j at its surface, on which its lambda does not act: it is held as long as nothing moves it, or until its
     strength has grown, or it is carried away; a code."""
     parts = W.instant.parting > 0 and W.instant.drift[j] != 0.0
+    if mask_instant(P, S, W):
+        follow(P, S, W)
     look_ahead(P, S, W)
     code = GO_ON
     if not parts and is_supported(P, S, W, j):
-        S.status[j] = HELD
+        hold_at_zero(P, S, R, W, j)
     else:
         code = _one_at_rest(P, S, R, W, j)
     lam = S.mult[j]
@@ -195,7 +206,7 @@ def settle_at_rest(P, C, S, R, W, size):
             strong += 1
     for a in range(count):
         instant.active[strong + a] = instant.weak[a]
-    code = _settle_strong(P, S, R, W, hold_supported(P, S, W, strong))
+    code = _settle_strong(P, S, R, W, hold_supported(P, S, R, W, strong))
     for a in range(count):
         one = _settle_without_strength(P, C, S, R, W, instant.weak[a])
         code = code if one == GO_ON else one
@@ -324,7 +335,7 @@ def release_held(P, C, S, R, W):
                 return Outcome.CHATTERING  # it is pushed back, and its mean is not that of one lambda
             record_event(S, R, j, EV_RESET, 0, S.status[j])
             some = True
-    size = hold_supported(P, S, W, size)
+    size = hold_supported(P, S, R, W, size)
     if size > 0:
         rest_with_friction(P, S)
         return settle_at_rest(P, C, S, R, W, size)
@@ -389,11 +400,13 @@ def let_go_without_load(P, S, R, W):
         evaluate_surfaces(P, S, W)
         if _has_no_load(P, S, W, j):
             g = residual(P, S, W, j, 0.0)
-            S.status[j] = HELD if g == 0.0 else 1 if g > 0.0 else -1
-            S.mult[j] = 0.0 if g == 0.0 else float(S.status[j])
-            S.deflate[j] = 0 if g == 0.0 else 1
-            if g != 0.0:
-                record_event(S, R, j, EV_RESET, SOLVED, S.status[j])
+            S.deflate[j] = int(g != 0.0)
+            if g == 0.0:
+                hold_at_zero(P, S, R, W, j)
+                continue
+            S.status[j] = 1 if g > 0.0 else -1
+            S.mult[j] = float(S.status[j])
+            record_event(S, R, j, EV_RESET, SOLVED, S.status[j])
 
 
 @kernel
@@ -421,7 +434,7 @@ def resettle(P, C, S, R, W):
             known = True
         g = W.g[j]
         if g == 0.0 and _has_no_load(P, S, W, j):
-            S.status[j], S.mult[j] = HELD, 0.0
+            hold_at_zero(P, S, R, W, j)
             known = False
             continue
         pushed = abs(g) > 1e-12 * max(1.0, abs(W.G[P.g_diagonal[j]]))

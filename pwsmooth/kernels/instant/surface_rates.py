@@ -11,6 +11,7 @@ from ..state import (
     AMB_FORCES,
     ANY,
     BOTH,
+    CONTACT,
     CROSSING,
     DISC,
     EV_RESET,
@@ -36,6 +37,7 @@ from ..surface.sliding import (
 from ..surface.vector import begins
 
 _HIGHEST = 7  # order with which a surface is left
+_NO_SLOPE = 1e-12  # of the terms of g
 _ROUNDING = 1e-13  # of the states and what they change by
 _SMALL = 1e-6  # of the size of the states over a unit of time: a speed as small may be rounding
 MOMENT = 1e-6  # of the unit of time
@@ -257,6 +259,8 @@ def _is_borne(P, S, W, j, lam):
     for i in range(P.m):
         if S.status[i] == SOLVED and P.kind[i] <= DISC:
             borne = borne and abs(S.mult[i]) <= max(1.0 - AT_BOUND, abs(W.arc.mult_before[i]) + AT_BOUND)
+        elif S.status[i] == SOLVED and P.kind[i] == CONTACT:
+            borne = borne and S.mult[i] >= min(0.0, W.arc.mult_before[i])
     for i in range(P.m):
         S.mult[i] = W.arc.mult_before[i]
     S.mult[j] = keep
@@ -285,6 +289,28 @@ def stays_at_zero(P, S, R, W, j):
         record_ambiguity(S, R, j, AMB_FORCES, 0)
     S.status[j], S.mult[j] = at if at != 0 else HELD, float(at)
     return True
+
+
+@kernel
+def is_supported(P, S, W, j):
+    """Whether contacts and the like keep switch j on its surface, whatever its lambda is and those of others are."""
+    most = max(abs(residual(P, S, W, j, 1.0)), abs(residual(P, S, W, j, -1.0)))
+    evaluate_surfaces(P, S, W)
+    terms = 0.0
+    for e in range(P.g_row[j], P.g_row[j + 1]):
+        terms += abs(W.G[e]) * (1.0 if P.g_col[e] == j else abs(S.mult[P.g_col[e]]))
+    return most <= _NO_SLOPE * terms
+
+
+@kernel
+def hold_at_zero(P, S, R, W, j):
+    """Holds switch j, which something else keeps on its surface, with what conditions say of 0, or 0 where they say
+    nothing, different things, or what the motion is not held with."""
+    at = side_at_zero(P, S, j)
+    if at == BOTH:
+        record_ambiguity(S, R, j, AMB_AT_ZERO, 0)
+    S.status[j] = HELD
+    S.mult[j] = float(at) if abs(at) == 1 and _is_borne(P, S, W, j, float(at)) else 0.0
 
 
 @kernel

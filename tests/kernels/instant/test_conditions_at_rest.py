@@ -264,3 +264,34 @@ def test_stairs_that_rested_with_a_stick_are_on_the_side_to_which_it_lets_go(way
     rise = 2 * (0.8 * came + came**2 / 4 + way * came**3 / 24) - came
     left = 1 / 12 if way == 1 else 11 / 12
     assert run["y"][-1] == pytest.approx((rise if start == 0.8 else 0) + left, abs=1e-9)
+
+
+@pytest.mark.parametrize("method", ["auto", "rk"])
+@pytest.mark.parametrize("lift", [-0.2, 0.2])
+@pytest.mark.parametrize("unknown", [False, True])
+@pytest.mark.parametrize("surface", [2 * y + z / 2, -y - z, y])
+def test_a_condition_on_what_a_closed_contact_holds_means_what_it_says(surface, unknown, lift, method):
+    # The condition moves the body as well: while it bounces its surface could slide, on the table it cannot.
+    table = Unilateral(y, restitution=0.0152)
+    for condition in (surface < 0, surface <= 0, surface > 0, surface >= 0):
+        said = a if unknown else when(condition)
+        rates = {x: said, y: z, z: table.reaction - 1 + lift * said}
+        system = System(rates, time=t, algebraic=[Algebraic(a, a - when(condition))] if unknown else [])
+        for height in (1, 0):
+            run = solve(system, (0, 4), {x: 0, y: height, z: 0}, method=method, t_eval=[3, 4])
+            at_zero = int(bool(condition.subs({y: 0, z: 0})))
+            assert run["x"][1] - run["x"][0] == pytest.approx(at_zero, abs=1e-9)
+
+
+@pytest.mark.parametrize("method", ["auto", "rk"])
+def test_a_switch_that_an_update_turns_moves_no_state_through_surfaces_it_stands_in(method):
+    # The update to -1/4 puts x + lambda - 3/4 to 0 but for a rounding, for the lambda from before.
+    side = Switch("side", 3 * x / 2)
+    surface = 3 * x / 2 + Switch("bell", 3 * x / 2 - 0.75) / 2 - 0.5
+    inner = sp.Piecewise((n / 2, x + side - 0.75 < 0), (0, True))
+    system = System({x: 2.55 - x / 2}, time=t, events=[Event(surface + inner, update={x: -x / 2}, name="bell")])
+    run = solve(system, (0, 3.3), {x: 0}, method=method)
+    rise = 2 * np.log((5.1 + 0.25) / (5.1 - 0.5))  # from -1/4 to 1/2
+    first = 2 * np.log(5.1 / 4.6)
+    times = first + rise * np.arange(1 + int((3.3 - first) / rise))
+    np.testing.assert_allclose(run.event_times(switch="bell", kind="reset"), times, atol=1e-9)
