@@ -11,6 +11,7 @@ from ..state import (
     AMB_FORCES,
     ANY,
     BOTH,
+    COMPONENT,
     CONTACT,
     CROSSING,
     DISC,
@@ -206,6 +207,18 @@ def _order_of_speed(P, S, W, j):
 
 
 @kernel
+def _within_series(P, S, W, first, h):
+    """h, or the shorter time within which no term of the series of what slides, from row `first` on, is beyond its
+    bounds: farther on the terms of its surface that cancel leave large roundings."""
+    for j in range(P.m):
+        if S.status[j] == SOLVED and (P.kind[j] == SLIDING or P.kind[j] == COMPONENT):
+            for k in range(1, _HIGHEST):
+                if abs(W.step.rows[first + j, k]) * h**k > 1.0:
+                    h = abs(W.step.rows[first + j, k]) ** (-1.0 / k)
+    return h
+
+
+@kernel
 def order_of_leaving(P, C, S, W, j):
     """Number of leading zero orders of surface j, whose switch is held, on the motion as it goes on; 0 if it stays.
 
@@ -214,9 +227,10 @@ def order_of_leaving(P, C, S, W, j):
     if P.jet_general == 0:
         return _order_of_speed(P, S, W, j)
     mask_solved(P, S, W)
-    if not follow(P, S, W) or take_jet(P, C, S, True, W) < 0:
+    first = take_jet(P, C, S, True, W) if follow(P, S, W) else -1
+    if first < 0:
         return 0
-    row, h = W.step.rows[P.rows_general[j]], pace(S)
+    row, h = W.step.rows[P.rows_general[j]], _within_series(P, S, W, first, pace(S))
     size, power, finite, rounding = 1e-3, 1.0, 0.0, 0.0
     for i in range(P.n):
         rounding += _ROUNDING * (abs(S.x[i]) + abs(W.step.rows[i, 1]) * h)

@@ -295,3 +295,15 @@ def test_a_switch_that_an_update_turns_moves_no_state_through_surfaces_it_stands
     first = 2 * np.log(5.1 / 4.6)
     times = first + rise * np.arange(1 + int((3.3 - first) / rise))
     np.testing.assert_allclose(run.event_times(switch="bell", kind="reset"), times, atol=1e-9)
+
+
+def test_a_condition_beside_a_stick_near_its_fold_does_not_leave_by_roundings():
+    # Near the fold the series of lambda grows fast, and the terms of its surface that cancel leave roundings.
+    stick = Switch("stick", z - 0.25)
+    said = sp.Piecewise((sp.Rational(1, 2), sp.Not(z - e >= 0)), (0, True))
+    rates = {z: 1.5 * sp.sin(2 * t) - h - stick * (2 - stick**2) / 2, y: said}
+    system = System(rates, time=t, parameters={e: 0.25, h: 0.0}, events=[Event(at=-1.75, update={z: 0.25})])
+    for force in np.linspace(0.03, 0.06, 13):
+        for start in (-2.5, -2.3, -2.1, -1.9):
+            run = solve(system, (start, -1.7), {z: 0.75, y: 0}, parameters={h: force})
+            assert run.success and run["y"][-1] == 0
