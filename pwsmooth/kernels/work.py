@@ -340,6 +340,7 @@ class Work(Bundle):
     size: "f8[n]"  # the largest that each state has been at an instant
     terms: "f8[n]"  # what the terms of each rate add up to, whatever cancels
     up: "f8[n]"  # the rates where all that they are made of is a little larger
+    sizes: "f8[n]"  # of the states, with what their terms come to
     shifted_x: "f8[n]"  # states and multipliers, moved by a small part of themselves
     shifted_mult: "f8[m]"
     h: "f8[m + ne]"

@@ -3,6 +3,8 @@
 Chain: pointers.py, sliding.py -> **this file** -> holding.py and all that acts at an instant.
 """
 
+import math
+
 from ..intervals import pace
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.pointers import call_act, call_fields, call_linear
@@ -34,6 +36,7 @@ from ..surface.sliding import (
     side_at_zero,
     sum_terms,
     surface_rounding,
+    surface_size,
 )
 from ..surface.vector import begins
 
@@ -112,7 +115,7 @@ def approach_speed(P, S, j, W):
         speed += part
         terms += abs(part) + abs(W.dh[e]) * per_time * W.size[P.dh_col[e]]
     if abs(speed) <= _SMALL * terms:
-        sum_terms(P, S, W)
+        sum_terms(P, S, W, 0.0)
         for e in range(P.dh_row[j], P.dh_row[j + 1]):
             terms += abs(W.dh[e]) * W.terms[P.dh_col[e]]
     W.instant.rest_speed = _ROUNDING * terms
@@ -126,6 +129,18 @@ def arc_ahead(P, S, W, j):
     if P.kind[j] != SECOND_ORDER or not speed * W.g[j] < 0.0:
         return S.last[j, 1]
     return min(S.last[j, 1], -2.0 * speed / W.g[j])
+
+
+@kernel
+def _size_within(P, S, W, j, h):
+    """The size of what surface j is made of, and of what its states change by within h, whatever cancels."""
+    evaluate_surfaces(P, S, W)
+    sum_terms(P, S, W, h)
+    size = surface_size(P, S, j, W)
+    for e in range(P.dh_row[j], P.dh_row[j + 1]):
+        if abs(W.dh[e]) < math.inf:
+            size += abs(W.dh[e]) * (W.sizes[P.dh_col[e]] + W.terms[P.dh_col[e]] * h)
+    return size
 
 
 @kernel
@@ -144,13 +159,12 @@ def leading_order(P, C, S, W, i):
         )  # a selection stands between its branches: there is no slip trajectory
         return 4 if abs(speed) <= W.instant.rest_speed else (1 if speed > 0.0 else -1)
     row, h = W.step.rows[P.rows_slip[i]], pace(S)
-    size, power = 1e-3, 1.0
-    for k in range(P.n):
-        size += abs(S.x[k])
+    size, power = _size_within(P, S, W, i, h), 1.0
     for order in range(1, 4):
         power *= h
-        for k in range(P.n):
-            size += abs(W.step.rows[k, order]) * power
+        for e in range(P.dh_row[i], P.dh_row[i + 1]):
+            if abs(W.dh[e]) < math.inf:
+                size += abs(W.dh[e] * W.step.rows[P.dh_col[e], order]) * power
         if abs(row[order]) * power > 1e-12 * size:
             return order if row[order] > 0.0 else -order
     return 4
@@ -207,14 +221,25 @@ def _order_of_speed(P, S, W, j):
 
 
 @kernel
+def _term_within(row, bound, h):
+    """h, or the shorter time within which no term of this series is larger than `bound`."""
+    for k in range(1, _HIGHEST):
+        if 0.0 < bound < abs(row[k]) * h**k:
+            h = (bound / abs(row[k])) ** (1.0 / k)
+    return h
+
+
+@kernel
 def _within_series(P, S, W, first, h):
-    """h, or the shorter time within which no term of the series of what slides, from row `first` on, is beyond its
-    bounds: farther on the terms of its surface that cancel leave large roundings."""
+    """h, or the shorter time within which the series of states, and of what is solved for from row `first` on, do not
+    grow: farther on the terms of a surface that cancel leave large roundings."""
+    rows = W.step.rows
+    for i in range(P.n):
+        h = _term_within(rows[i], W.sizes[i], h)
     for j in range(P.m):
-        if S.status[j] == SOLVED and (P.kind[j] == SLIDING or P.kind[j] == COMPONENT):
-            for k in range(1, _HIGHEST):
-                if abs(W.step.rows[first + j, k]) * h**k > 1.0:
-                    h = abs(W.step.rows[first + j, k]) ** (-1.0 / k)
+        if S.status[j] == SOLVED and P.kind[j] != DISC:
+            row, bounded = rows[first + j], P.kind[j] == SLIDING or P.kind[j] == COMPONENT
+            h = _term_within(row, 1.0 if bounded else abs(row[0]) + abs(row[1]) * h + abs(row[2]) * h**2, h)
     return h
 
 
@@ -230,10 +255,12 @@ def order_of_leaving(P, C, S, W, j):
     first = take_jet(P, C, S, True, W) if follow(P, S, W) else -1
     if first < 0:
         return 0
-    row, h = W.step.rows[P.rows_general[j]], _within_series(P, S, W, first, pace(S))
-    size, power, finite, rounding = 1e-3, 1.0, 0.0, 0.0
-    for i in range(P.n):
-        rounding += _ROUNDING * (abs(S.x[i]) + abs(W.step.rows[i, 1]) * h)
+    row, h, power, finite = W.step.rows[P.rows_general[j]], pace(S), 1.0, 0.0
+    made = _size_within(P, S, W, j, h)
+    shorter = _within_series(P, S, W, first, h)
+    if shorter < h:
+        h, made = shorter, _size_within(P, S, W, j, shorter)
+    size, rounding = 1e-3 * made, _ROUNDING * made
     for k in range(1, _HIGHEST):
         power *= h
         size, finite = max(size, abs(row[k]) * power), finite + 0.0 * row[k]

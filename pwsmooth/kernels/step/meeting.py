@@ -257,7 +257,7 @@ def _note_rounding(P, C, S, W):
         begins = begins or _begins_on(P, S, W, i)
     if not begins:
         return
-    sum_terms(P, S, W)
+    sum_terms(P, S, W, 0.0)
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     for i in range(first, P.m + P.ne):
         if _begins_on(P, S, W, i):

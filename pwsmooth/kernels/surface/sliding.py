@@ -285,13 +285,11 @@ def surface_rounding(P, S, j, W):
 
 @kernel
 def _shift(P, S, W, turns):
-    """Overwrites W.shifted_x and W.shifted_mult: all that rates are made of, changed by a small part of the largest
-    that it has been, or of what it is where a power may have its branch point; where it `turns` by turns up and down.
-    """
+    """Overwrites W.shifted_x and W.shifted_mult: all that rates are made of, changed by a small part of its size, by
+    turns up and down where it `turns`."""
     up = _PART
     for i in range(P.n):
-        size = 0.0 if is_memory(P, i) else W.size[i] if P.watches == 0 else abs(S.x[i])
-        W.shifted_x[i] = S.x[i] + up * size
+        W.shifted_x[i] = S.x[i] + up * W.sizes[i]
         up *= turns
     for j in range(P.m):
         W.shifted_mult[j] = S.mult[j] * (1.0 + up) if S.status[j] == SOLVED else S.mult[j]
@@ -299,17 +297,23 @@ def _shift(P, S, W, turns):
 
 
 @kernel
-def sum_terms(P, S, W):
+def sum_terms(P, S, W, within):
     """Overwrites W.terms: what the terms of each rate add up to, whatever cancels.
 
     It is by how much a rate changes where all that it is made of changes by a small part, all up, and by turns up and
-    down: terms that cancel in one of them do not in the other.
+    down: terms that cancel in one of them do not in the other. The part is one of the largest that a state has been, or
+    of what it is where a power may have its branch point, and of what its own terms come to `within` a time.
     """
-    _shift(P, S, W, -1.0)
-    call_fields(P.fields, S.t * (1.0 + _PART), W.shifted_x, W.shifted_mult, P.p, W.terms, W.h, W.g)
-    _shift(P, S, W, 1.0)
-    call_fields(P.fields, S.t, W.shifted_x, W.shifted_mult, P.p, W.up, W.h, W.g)
-    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-    for i in range(P.n):
-        terms = (abs(W.terms[i] - W.dx[i]) + abs(W.up[i] - W.dx[i])) / _PART
-        W.terms[i] = abs(W.dx[i]) + (terms if terms < math.inf else 0.0)
+    W.terms[:] = 0.0
+    for _ in range(2 if within > 0.0 else 1):
+        for i in range(P.n):
+            size = W.size[i] if P.watches == 0 else abs(S.x[i])
+            W.sizes[i] = 0.0 if is_memory(P, i) else size + within * W.terms[i]
+        _shift(P, S, W, -1.0)
+        call_fields(P.fields, S.t * (1.0 + _PART), W.shifted_x, W.shifted_mult, P.p, W.terms, W.h, W.g)
+        _shift(P, S, W, 1.0)
+        call_fields(P.fields, S.t, W.shifted_x, W.shifted_mult, P.p, W.up, W.h, W.g)
+        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+        for i in range(P.n):
+            terms = (abs(W.terms[i] - W.dx[i]) + abs(W.up[i] - W.dx[i])) / _PART
+            W.terms[i] = abs(W.dx[i]) + (terms if terms < math.inf else 0.0)
