@@ -301,3 +301,31 @@ def hold_by_what_jumps(P, S, R, W):
             S.status[j], S.status[k] = came, was
             for i in range(P.m):
                 S.mult[i] = W.instant.mult[i]
+
+
+@kernel
+def _is_held_by_a_jump(P, S, W, j):
+    """Whether switch j is solved for because its surface jumps through 0 with one that is HELD."""
+    for i in range(P.m if P.nested[j] != 0 else 0):
+        if S.status[i] == HELD and (P.kind[i] == KINK or P.kind[i] == CROSSING):
+            keep = S.mult[i]
+            ends = _at(P, S, W, i, 1.0, j) * _at(P, S, W, i, -1.0, j)
+            S.mult[i] = keep
+            if ends < 0.0:
+                return True
+    return False
+
+
+@kernel
+def follow_by_a_jump(P, S, W, j):
+    """Whether switch j is held by a jump: then it has, once the rates have jumped, the multiplier with which the motion
+    stays, or the side of the bound beyond which that is. Its residual says nothing of the way there."""
+    if not _is_held_by_a_jump(P, S, W, j):
+        return False
+    mask_solved(P, S, W)
+    if not follow(P, S, W):
+        return False
+    if abs(S.mult[j]) > 1.0:
+        S.status[j] = 1 if S.mult[j] > 0.0 else -1
+        S.mult[j], S.deflate[j] = float(S.status[j]), 1
+    return True

@@ -41,6 +41,7 @@ from .holding import (
     take_side,
     take_sides,
 )
+from .resting import follow_by_a_jump
 from .surface_rates import (
     FAINT,
     any_is,
@@ -445,7 +446,7 @@ def resettle(P, C, S, R, W):
         if take_side(P, C, S, R, W, j, toward, False):
             continue
         S.mult[j] = lam
-        if not pushed:
+        if not pushed or follow_by_a_jump(P, S, W, j):
             continue
         size = sliding_with(P, S, W, j)
         code = settle_friction(P, S, R, W, size, False)

@@ -790,3 +790,17 @@ def test_stairs_that_move_the_rates_by_themselves_too_hold_with_what_jumps_with_
     if start == 1.25:
         assert not run.ambiguities
         assert run["y"][-1] == pytest.approx((1 - np.exp(-4)) / 16, abs=1e-9)
+
+
+@METHODS
+@pytest.mark.parametrize("step", [sp.floor(t), sp.Piecewise((0, t < 1), (1, True)), s])
+def test_what_stays_on_a_jump_of_its_stairs_follows_where_the_rates_jump(step, method):
+    # x' = push - 1 above the step of Mod(x, 1) and push below: it stays for a push between 0 and 1.
+    when = sp.Piecewise((1, sp.Mod(x, 1) < c), (0, True))
+    events = [Event(at=1, update={s: 1})] if step == s else []
+    system = System({x: v + q * step - when}, time=t, parameters={v: 0.1, q: 0.1, c: 0.925}, events=events)
+    for push, more in ((2e-4, 0.75), (0.1, 0.75), (0.9, -0.8), (0.5, 0.2), (0.1, 0.95), (0.9, -0.95)):
+        run = solve(system, (0, 1.1), {x: 0.01}, parameters={v: push, q: more}, method=method)
+        beyond = max(push + more - 1, 0) + min(push + more, 0)
+        assert run.success and run["x"][-1] == pytest.approx(0.1 * beyond, abs=1e-12)
+        assert beyond or not any(event.kind.startswith("stick") for event in run.events if event.time > 0.9)
