@@ -26,7 +26,7 @@ from ..state import (
 from ..step.recording import record_ambiguity, record_event
 from ..surface.fast import LOST, OSCILLATES
 from ..surface.layer import ARRIVE, FIRST_ZERO
-from ..surface.sliding import follow, mask_instant, mask_solved
+from ..surface.sliding import follow, mask_instant, mask_solved, surface_rounding
 from ..surface.sparse import entry, link
 from ..surface.unknowns import solve_unknowns
 from .dry_friction import is_held, let_part, settle_friction, sliding_with
@@ -307,6 +307,15 @@ def _let_go(P, C, S, R, W):
 
 
 @kernel
+def _forget_zeros_jumped_off(P, S, W):
+    """Surfaces that have jumped with a switch that is let go are not 0 any more."""
+    evaluate_surfaces(P, S, W)
+    for j in range(P.m):
+        if P.nested[j] != 0 and S.deflate[j] != 0 and abs(W.h[j]) > surface_rounding(P, S, j, W):
+            S.deflate[j] = 0
+
+
+@kernel
 def release_held(P, C, S, R, W):
     """Settles the switches held at 0 that nothing holds any more; -1 where there are none, else a code.
 
@@ -336,6 +345,8 @@ def release_held(P, C, S, R, W):
                 return Outcome.CHATTERING  # it is pushed back, and its mean is not that of one lambda
             record_event(S, R, j, EV_RESET, 0, S.status[j])
             some = True
+    if some:
+        _forget_zeros_jumped_off(P, S, W)
     size = hold_supported(P, S, R, W, size)
     if size > 0:
         rest_with_friction(P, S)

@@ -804,3 +804,17 @@ def test_what_stays_on_a_jump_of_its_stairs_follows_where_the_rates_jump(step, m
         beyond = max(push + more - 1, 0) + min(push + more, 0)
         assert run.success and run["x"][-1] == pytest.approx(0.1 * beyond, abs=1e-12)
         assert beyond or not any(event.kind.startswith("stick") for event in run.events if event.time > 0.9)
+
+
+@METHODS
+def test_stairs_let_go_beside_an_event_keep_no_zero_that_they_have_jumped_off(method):
+    # It stays on the step of Mod(x, 1) while the push 0.3 - 0.3 t is above 0; the event that never fires looks on.
+    when = sp.Piecewise((1, sp.Mod(x, 1) < c), (0, True))
+    events = [Event(y - 2 - sp.frac(x), update={m: 1})]
+    system = System({x: 0.3 - 0.3 * t - when, y: 0}, time=t, parameters={c: 0.32}, events=events)
+    run = solve(system, (0, 2), {x: 0.01, y: 0}, method=method)
+    assert (
+        run.success
+        and run["x"][-1] == pytest.approx(-0.15, abs=1e-12)
+        and not run.event_times(kind="reset").size
+    )
