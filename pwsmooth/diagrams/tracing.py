@@ -14,14 +14,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..analysis.continuation.arclength import Walk, in_units, value_of
+from ..analysis.continuation.arclength import in_units, value_of
 from ..analysis.continuation.bifurcations import ON_CIRCLE
-from ..analysis.continuation.branches import Branch, branch_off, followed
+from ..analysis.continuation.branches import Branch, begin_orbits, branch_off
 from ..analysis.continuation.equilibria.branch import EquilibriumBifurcation, EquilibriumBranch
 from ..analysis.continuation.equilibria.hopf import cycle_from
 from ..analysis.continuation.equilibria.sliding_cycle import cycle_beside
 from ..analysis.continuation.following import follow
 from ..analysis.continuation.steps import Steps
+from ..analysis.continuation.way import CLOSED, Way
 from ..analysis.equilibria.equilibrium import Equilibrium
 from ..paths.budget import Budget, within
 from .plain import (
@@ -43,7 +44,7 @@ _STEPS = 1000  # of solve() for each of the points that a branch may have: long 
 _SHRUNK = 0.1  # of its first size: a cycle so small, followed back to its Hopf point, has come to its beginning
 _NEAR = 0.02  # of the range: a branch that begins at a bifurcation begins so near to it
 _SAME = 1e-5  # relative to unit + |x|: an orbit that is back at the branch's start
-CLOSED, MEETS, SHRINKS = "it closes.", "meets its mirror image", "shrinks onto the equilibrium"
+MEETS, SHRINKS = "meets its mirror image", "shrinks onto the equilibrium"
 UNDECIDED = -1  # stability at a bifurcation: that of the way to it counts
 
 
@@ -171,7 +172,7 @@ def _one_way(
     setting, orbit, name, to, bounds, steps, bifurcations, born
 ) -> tuple[list[_Entry], str]:  # fmt: skip
     """Entries from the start on, and why they end."""
-    q, back = value_of(orbit, name), bounds[int(to == bounds[0])]
+    q = value_of(orbit, name)
     if abs(q - to) <= 1e-12 * (abs(to) + bounds[1] - bounds[0]):  # but for a rounding in the arc
         return [_Entry(orbit, setting, name)], f"began at {name} = {q:.10g}."
     if isinstance(orbit, Equilibrium):
@@ -180,29 +181,29 @@ def _one_way(
         return _entries_of(
             branch, [_Entry(e, setting, name) for e in branch._points], setting, name, bifurcations
         ), branch.end
-    branch, walk = Branch(name, [orbit]), Walk(orbit, name, abs(to - back))
     entries = [_Entry(orbit, setting, name)]
     told: list[str] = []
     size = _size(orbit) if born is not None else 0.0
-
     budget = Budget(_COUNTED)
 
-    def over() -> bool:
+    def stops(way: Way) -> str:
         if _COUNTED - budget.left > _STEPS * steps.max_points:
             told.append(
-                f"steps are used up at {name} = {value_of(branch.orbits[-1], name):.10g}: give `steps` more "
-                "`max_points`."
+                f"steps are used up at {way.problem.where(way.points[-1])}: give `steps` more `max_points`."
             )
-        for new in branch.orbits[len(entries) :]:
-            entries.append(_Entry(new, setting, name).shifted(entries[-1]))
+        for new in way.points[len(entries) :]:
+            entries.append(_Entry(new.orbit, setting, name).shifted(entries[-1]))
             told.extend(_over(entries, name))
-            if born is not None and _size(new) < _SHRUNK * size:
+            if born is not None and _size(new.orbit) < _SHRUNK * size:
                 told.append(f"{SHRINKS} at {name} = {entries[-1].q:.10g}.")
-        return bool(told)
+        return told[0] if told else ""
 
+    sign, lengths = 1.0 if to == bounds[1] else -1.0, steps._lengths(*USUAL)
     with within(budget):
-        end = followed(branch, walk, back, to, steps._lengths(*USUAL), steps.max_points, over)
-    over()
+        way, *first = begin_orbits(orbit, name, bounds, sign, lengths, steps.max_points, None, stops)
+        way.follow(*first)
+    stops(way)
+    branch, end = Branch(name, [p.orbit for p in way.points], way.specials, way.end, way.places), way.end
     if told and told[0] == CLOSED:
         entries[-1] = entries[0]
         return _entries_of(branch, entries, setting, name, bifurcations), CLOSED

@@ -13,7 +13,7 @@ from friction_oscillator import omega as FREQUENCY
 
 from pwsmooth import Event, Return, Strobe, System
 from pwsmooth.analysis.continuation import Steps, branch_off, follow
-from pwsmooth.analysis.continuation.arclength import only_way
+from pwsmooth.analysis.continuation.problem import only_way
 from pwsmooth.analysis.maps.sections import Section, Stroboscopic
 from pwsmooth.analysis.orbits.finding import find_orbit, refine
 from pwsmooth.analysis.orbits.fixed_points import TOLERANCE
@@ -397,10 +397,10 @@ def test_the_way_on_is_the_null_vector(across):
         direction = rng.normal(size=n + 1)
         if across:
             direction -= (direction @ exact) * exact
-        found, alone = only_way(DF, direction)
+        found, alone = only_way(DF, direction, 1e-8)
         assert alone and abs(abs(found @ exact) - 1) < 1e-12
         assert across or found @ direction > 0
-    assert not only_way(np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), np.array([0.0, 1.0, 0.0]))[1]
+    assert not only_way(np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), np.array([0.0, 1.0, 0.0]), 1e-8)[1]
 
 
 def test_a_branch_goes_on_when_its_section_comes_to_lie_in_a_stick():

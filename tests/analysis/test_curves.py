@@ -487,7 +487,7 @@ def test_folds_of_rest_and_of_two_sticks_are_followed_through_canards():
 
 def test_a_curve_that_leads_no_further_says_so(monkeypatch):
     # Where steps become ever shorter, as in a canard whose slopes are not known; here all are cut short.
-    monkeypatch.setattr(curve_ways.Way, "_longer", staticmethod(lambda here, there: 0.5))
+    monkeypatch.setattr(curve_ways.CurveWay, "longer", staticmethod(lambda here, there: 0.5))
     orbit = map_in_two({x: a * x * (1 - x) - b * x}, {x: 0.6}, (2.8, 0))
     curve = follow(only(follow(orbit, {a: 3.3}), "flip"), {a: (1, 5), b: (-1, 1)})
     assert all("cover" in end for end in curve.ends) and len(curve.orbits) < 200

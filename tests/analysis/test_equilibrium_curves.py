@@ -1,7 +1,7 @@
 """Curves of bifurcations of equilibria in two parameters against closed forms.
 
 Guards: analysis/continuation/equilibria/curves.py, analysis/continuation/equilibria/conditions.py,
-analysis/continuation/equilibria/walk.py.
+analysis/continuation/equilibria/problem.py.
 """
 
 import numpy as np

@@ -21,7 +21,7 @@ from ..orbits.finding import refined_to
 from ..orbits.fixed_points import SAME
 from ..orbits.itineraries import JUMP, Change, change_between, same_itinerary
 from ..orbits.periodic_orbit import PeriodicOrbit
-from .arclength import Point, Walk, unit_along
+from .arclength import OrbitPoint, OrbitProblem, unit_along
 from .bracketing import zero_between
 from .conditions.captures import CAPTURE
 from .conditions.conditions import factors, pairs
@@ -30,7 +30,7 @@ from .naming import BORDER, BRACKET, TOUCHED, border_between, has_multiplier, to
 
 __all__ = ["Bifurcation"]
 
-P = TypeVar("P", bound=Point)
+P = TypeVar("P", bound=OrbitPoint)
 
 _HALVINGS = 30  # of a step, in which a change of stability is enclosed that no test sees
 ON_CIRCLE = 1e-7  # from 1: multipliers that may lie on either side
@@ -117,7 +117,7 @@ class Bifurcation:
         return text
 
 
-def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
+def bifurcations_between(walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint) -> list[Bifurcation]:
     """All bifurcations on the way from one point of a branch to the next, located, named, in order.
 
     Test functions (Kuznetsov) are zeroed between points of one itinerary, and a change of itinerary is bisected.
@@ -180,7 +180,7 @@ def of_no_effect(change: Change, one: PeriodicOrbit, other: PeriodicOrbit) -> bo
 
 
 def collapse_between(
-    walk: Walk, here: Point, there: Point, bifurcations: list[Bifurcation]
+    walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint, bifurcations: list[Bifurcation]
 ) -> tuple[int, list[Bifurcation]] | None:
     """Where orbits of several applications of the map shrink onto one of fewer: how many, and what happens to that one.
 
@@ -196,20 +196,22 @@ def collapse_between(
     orbit = refined_to(short.orbit, count, x)
     if not orbit.success:
         return count, []
-    single = Walk(orbit, walk.name, walk.scale, walk.unit)
+    single = OrbitProblem(orbit, walk.name, walk.scale, walk.unit)
     at = single.point(orbit, (there.u - here.u)[[*range(len(orbit.x)), -1]])
     # The shorter orbit lives on both sides of the collapse: from well behind it to well before.
     q = [walk.value(p) for p in (here, there)]
     if short is here:
         turn = next((b.parameter for b in bifurcations if b.kind == "fold"), q[1])
         q = [turn + 2 * (max(q, key=lambda value: abs(value - turn)) - turn) * side for side in (1, -1)]
-    before, behind = (single.at_parameter(at, value) for value in q)
+    before, behind = (single.at(at, single.place, value / single.scale) for value in q)
     if before is None or behind is None:
         return count, []
     return count, bifurcations_between(single, before, behind)
 
 
-def _shrunk(walk: Walk, here: Point, there: Point, count: int) -> tuple[Point, np.ndarray] | None:
+def _shrunk(
+    walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint, count: int
+) -> tuple[OrbitPoint, np.ndarray] | None:
     """Where the way to the next point leads onto or through an orbit of `count` applications, and a guess of it."""
     steps = [(p.orbit.after(count) - p.orbit.x) / walk.unit for p in (here, there)]
     sizes = [np.linalg.norm(step) for step in steps]
@@ -222,7 +224,7 @@ def _shrunk(walk: Walk, here: Point, there: Point, count: int) -> tuple[Point, n
     return here, here.orbit.x + (there.orbit.x - here.orbit.x) * sizes[0] / (sizes[0] + sizes[1])
 
 
-def change_enclosed(walk: Walk, here: P, there: P) -> tuple[P, P, float]:
+def change_enclosed(walk: OrbitProblem, here: P, there: P) -> tuple[P, P, float]:
     """The first change of itinerary, enclosed between two points, and their distance as a part of the chord."""
     low, high, left, right = 0.0, 1.0, here, there
     length = np.linalg.norm(there.u - here.u)
@@ -240,8 +242,8 @@ def change_enclosed(walk: Walk, here: P, there: P) -> tuple[P, P, float]:
 
 
 def _cornered(
-    walk: Walk, here: Point, there: Point, left: Point, right: Point, part: float
-) -> tuple[Point, Point, float]:
+    walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint, left: OrbitPoint, right: OrbitPoint, part: float
+) -> tuple[OrbitPoint, OrbitPoint, float]:
     """The points about a change, nearer where their gap tells of a corner; half the width of the bracket."""
     width = part * abs(there.u[-1] - here.u[-1])
     gap = float(np.linalg.norm(right.u - left.u))
@@ -254,7 +256,7 @@ def _cornered(
     return left, right, width * walk.scale
 
 
-def _last(walk: Walk, point: Point, way: np.ndarray, length: float) -> Point:
+def _last(walk: OrbitProblem, point: OrbitPoint, way: np.ndarray, length: float) -> OrbitPoint:
     """The last point of the same itinerary on the way along a tangent."""
     first, low, high = point, 0.0, length
     while high - low > BRACKET * (1 + np.abs(point.u).max()):
@@ -270,7 +272,9 @@ def _last(walk: Walk, point: Point, way: np.ndarray, length: float) -> Point:
     return point
 
 
-def _apart(walk: Walk, here: Point, there: Point, left: Point, right: Point, reach: float) -> list[Point]:
+def _apart(
+    walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint, left: OrbitPoint, right: OrbitPoint, reach: float
+) -> list[OrbitPoint]:
     """Points of the two itineraries a little away from the change."""
     found = []
     for point, end in ((left, here), (right, there)):
@@ -283,7 +287,7 @@ def _apart(walk: Walk, here: Point, there: Point, left: Point, right: Point, rea
     return found
 
 
-def _smooth_all(walk: Walk, here: Point, there: Point, depth: int = 0) -> list[Bifurcation]:
+def _smooth_all(walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint, depth: int = 0) -> list[Bifurcation]:
     """Bifurcations of stability between two points of one itinerary, by halves where the tests miss one.
 
     Two zeros of one test have no change of sign between them, and near a branch point Newton's method may fail: then
@@ -323,13 +327,13 @@ def _outside(orbit: PeriodicOrbit) -> int | None:
     return int(np.sum(sizes > 1))
 
 
-def undecided(here: Point, there: Point, kind: str) -> bool:
+def undecided(here: OrbitPoint, there: OrbitPoint, kind: str) -> bool:
     """Whether a point has the multiplier of a bifurcation but for roundings: a change of sign there means nothing."""
     root = 1 if kind in ("fold", "branch point") else -1
     return any(point.orbit._at_rounding(root) for point in (here, there))
 
 
-def _unnamed(walk: Walk, here: Point, there: Point, at: Point) -> list[Bifurcation]:
+def _unnamed(walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint, at: OrbitPoint) -> list[Bifurcation]:
     """The change of stability between two points, named by the multiplier that is nearest to the unit circle."""
     mu = at.orbit.map_multipliers
     critical = mu[np.argmin(np.abs(np.abs(mu) - 1))]
@@ -345,7 +349,7 @@ def _unnamed(walk: Walk, here: Point, there: Point, at: Point) -> list[Bifurcati
     return [Bifurcation(kind, walk.name, walk.value(at), width, at.orbit)]
 
 
-def _smooth(walk: Walk, here: Point, there: Point) -> tuple[list[Bifurcation], bool]:
+def _smooth(walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint) -> tuple[list[Bifurcation], bool]:
     """Bifurcations of stability between two points of one itinerary that change the sign of their tests.
 
     And whether all that change it have earned their name.
@@ -376,7 +380,7 @@ def _smooth(walk: Walk, here: Point, there: Point) -> tuple[list[Bifurcation], b
     return sorted(bifurcations, key=lambda b: np.linalg.norm(b.orbit.x - here.orbit.x)), earned
 
 
-def _at_border(walk: Walk, left: Point, right: Point) -> Bifurcation:
+def _at_border(walk: OrbitProblem, left: OrbitPoint, right: OrbitPoint) -> Bifurcation:
     """A border that the orbit crosses without an event of its own, as in a condition that an event reads."""
     # Both sides lead to it, each along its own tangent; a branch that turns there has no points between them.
     gap, ways = right.u - left.u, np.column_stack([left.tangent, -right.tangent])

@@ -1,6 +1,6 @@
-"""The zero of a test function between two points of a branch or a curve, whose points a walk computes.
+"""The zero of a test function between two points of a branch or a curve, whose points a problem computes.
 
-Chain: the walks (arclength.py, curve_walk.py, mode_walk.py, equilibrium_walk.py) -> **bracketing** -> what they find.
+Chain: problem.py -> **bracketing** -> way.py, bifurcations.py.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ Chain: arclength.py, bifurcations.py, equilibrium_branches.py -> **continuation*
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -23,7 +24,7 @@ from ..maps.symmetry import repeats_in
 from ..orbits.fixed_points import not_repeated
 from ..orbits.itineraries import JUMP
 from ..orbits.periodic_orbit import PeriodicOrbit, none_found
-from .arclength import Point, Walk, in_units, leaves, same_state, unit_along, value_of
+from .arclength import OrbitPoint, OrbitProblem, in_units, leaves, same_state, unit_along, value_of
 from .bifurcations import Bifurcation, bifurcations_between, collapse_between
 from .branch import _Along
 from .conditions.captures import CAPTURE
@@ -31,11 +32,11 @@ from .equilibria.branch import EquilibriumBranch
 from .equilibria.branches import coordinate, follow_equilibrium, value_at
 from .jumps import end_at
 from .steps import Steps
+from .way import Lengths, Way, followed, used_up
 
 __all__ = ["Bifurcation", "Branch", "branch_off"]
 
 
-_MORE = 0.5  # of the range, to either side
 _COUNTED = 2**62  # steps of a budget that only counts them: an orbit that is begun is ended
 
 
@@ -82,15 +83,6 @@ class Branch(_Along):
     def _at(bifurcation: Any) -> Any:
         return bifurcation.orbit
 
-    def _joined(self, other: Branch) -> Branch:
-        """The way there, backwards, and another way from the same start."""
-        last = len(self.orbits)
-        places = [*(last - k for k in reversed(self.places)), *(last - 1 + k for k in other.places)]
-        return Branch(
-            self.parameter, [*self.orbits[:0:-1], *other.orbits], [*self.bifurcations[::-1], *other.bifurcations],
-            f"{self.end} {other.end}", places,
-        )  # fmt: skip
-
     @property
     def exponents(self) -> np.ndarray:
         """Lyapunov exponents of the orbits, log|multiplier|/period, shape (number of multipliers, number of orbits).
@@ -127,30 +119,31 @@ def follow_branch(
         start = _by_shorter_periods(start)
         at = value_of(start, name)
     lengths, bound = steps._lengths(0.02, 0.1, 1e-7), opened(max_steps, max_seconds)
-    sides: list[Any] = []
-    for begin, end in _ways(name, at, to, way):
-        if abs(end - begin) > 1e100:
-            raise ValueError(
-                f"`over` of {name} reaches {end:g}, so far from {begin:g} that no derivative has that scale; give less."
-            )
-        if isinstance(start, Equilibrium):
-            sides.append(
-                follow_equilibrium(start, name, (begin, end), lengths, steps.max_points, virtual, bound.late)
-            )
-            continue
-        branch, walk = Branch(name, [start]), Walk(start, name, abs(end - begin))
-        walk.until = bound
-        with within(Budget(_COUNTED)) as counted:
-            branch.end = followed(
-                branch, walk, begin, end, lengths, steps.max_points,
-                lambda: _COUNTED - counted.left >= bound.left or bound.late(),
-            )  # fmt: skip
-        sides.append(branch)
-    return sides[0] if len(sides) == 1 else sides[0]._joined(sides[1])
+    ranges, signs = _ways(name, at, to, way)
+    if isinstance(start, Equilibrium):
+        return follow_equilibrium(start, name, ranges, signs, lengths, steps.max_points, virtual,
+                                  lambda way: used_up(way) if bound.late() else "")  # fmt: skip
+    with within(Budget(_COUNTED)) as counted:
+        found, ends = followed(
+            lambda sign: begin_orbits(start, name, ranges, sign, lengths, steps.max_points, bound,
+                lambda way: used_up(way) if _COUNTED - counted.left >= bound.left or bound.late() else ""), signs,
+        )  # fmt: skip
+    return Branch(name, [p.orbit for p in found.points], found.specials, " ".join(ends), found.places)
 
 
-def _ways(name: str, at: float, to: Any, way: int | None) -> list[tuple[float, float]]:
-    """(where a branch stops that has turned back, where it stops) of every way that it goes."""
+def begin_orbits(
+    orbit: PeriodicOrbit, name: str, ranges: tuple[float, float], sign: float, lengths: Lengths, most: int,
+    until: Budget | None, stops: Callable[[Way], str],
+) -> tuple[OrbitWay, OrbitPoint, OrbitPoint]:  # fmt: skip
+    """The way to larger (1) or smaller (-1) values, its first point, and that on a section away from events."""
+    problem = OrbitProblem(orbit, name, ranges[1] - ranges[0], ranges=ranges)
+    problem.until = until
+    first = problem.point(orbit, np.append(np.zeros(len(orbit.x)), sign))
+    return OrbitWay(problem, lengths, most, stops), first, problem.rephased(first)
+
+
+def _ways(name: str, at: float, to: Any, way: int | None) -> tuple[tuple[float, float], tuple[float, ...]]:
+    """The range, and the signs of the ways that a branch goes from its start."""
     if np.ndim(to) == 0:
         to = checks.number(to, f"`over` of {name}")
         if to == at:
@@ -159,19 +152,24 @@ def _ways(name: str, at: float, to: Any, way: int | None) -> list[tuple[float, f
             raise ValueError(
                 f"`way` is for a range, and `over` of {name} is {to:g}; leave it out, or give (least, largest)."
             )
-        return [(at, to)]
-    low, high = checks.interval(to, f"`over` of {name}")
-    if not low <= at <= high:
+        (low, high), signs = sorted((at, to)), (1.0 if to > at else -1.0,)
+    else:
+        low, high = checks.interval(to, f"`over` of {name}")
+        if not low <= at <= high:
+            raise ValueError(
+                f"`over` of {name} goes from {low:g} to {high:g}, and the start is at {at:g}; give a range that holds "
+                "it."
+            )
+        signs = tuple(sign for sign, end in ((-1.0, low), (1.0, high)) if end != at and way in (None, sign))
+        if not signs:
+            raise ValueError(
+                f"`way` is {way}, and the start is at this end of the range of {name}; give the other one."
+            )
+    if high - low > 1e100:
         raise ValueError(
-            f"`over` of {name} goes from {low:g} to {high:g}, and the start is at {at:g}; give a range that holds it."
+            f"`over` of {name} reaches {to:g}, so far from {at:g} that no derivative has that scale; give less."
         )
-    ends = [(high, low, -1), (low, high, 1)]
-    found = [(begin, end) for begin, end, sign in ends if end != at and way in (None, sign)]
-    if not found:
-        raise ValueError(
-            f"`way` is {way}, and the start is at this end of the range of {name}; give the other one."
-        )
-    return found
+    return (low, high), signs
 
 
 def _by_shorter_periods(orbit: PeriodicOrbit) -> PeriodicOrbit:
@@ -192,144 +190,91 @@ def _by_shorter_periods(orbit: PeriodicOrbit) -> PeriodicOrbit:
     return orbit
 
 
-def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
-    """Adds to a branch what there is up to its end, or until it is `used_up()` (bool); why it ends."""
-    (step, longest_step, shortest_step), name, (orbit,) = lengths, walk.name, branch.orbits
-    walk.bounds = _tried(*sorted((begin, end)))
-    here = walk.point(orbit, np.append(np.zeros(len(orbit.x)), math.copysign(1.0, end - begin)))
-    here = walk.rephased(here)
-    ds = min(step, longest_step)
-    looked_at: Point | None = None  # whose segments are those that it asks for
-    while len(branch.orbits) < most:
-        if used_up():
-            return _used_up(walk, here)
-        if not here.alone:
-            return (
-                f"at {name} = {walk.value(here):.10g} the orbit is not isolated: many exist at one value, or "
-                "two branches meet there, and no single way leads on."
-            )
-        there, turned = walk.step(here, ds), False
-        if there is None:
-            if here is not looked_at and (other := walk.cut(here)) is not None:
-                here = looked_at = other
-                continue
-            looked_at = here
-            if ds > shortest_step:
-                ds *= 0.3
-                continue
-            there, turned = walk.turn(here, ds), True
-            if there is None:
-                return _used_up(walk, here) if used_up() else _ended(branch, walk, here, ds)
-        past = _passed(there, here, walk, begin, end)
-        if past is not None:
-            bound, reach = walk.at_parameter(here, past, there), np.linalg.norm(there.u - here.u)
-            # One so much farther than the point beyond the bound is of another branch.
-            if bound is None or np.linalg.norm(bound.u - here.u) > 2 * reach:
-                if ds > shortest_step:
-                    ds *= 0.3
-                    continue
-                return f"no orbit was found at {name} = {past:g}."
-            there = bound
+class OrbitWay(Way):
+    """A branch of orbits to one side."""
+
+    problem: OrbitProblem
+    corner = False  # whether the next point is one around a corner
+
+    def around(self, here: OrbitPoint) -> OrbitPoint | None:
+        self.corner = True
+        return self.problem.turn(here, self.ds)
+
+    def met(self, here: OrbitPoint, there: OrbitPoint) -> OrbitPoint | None:
+        problem, corner, self.corner = self.problem, self.corner, False
         if broken := not_repeated(there.orbit):
-            return f"at {name} = {walk.value(there):.10g} there is {broken}"
-        found = bifurcations_between(walk, here, there)
-        if walk.late():  # what was found then is not known to be complete
-            return _used_up(walk, here)
-        if turned and not any(b.change is not None for b in found):
-            return _ended(branch, walk, here, ds)  # it has turned back without a corner
+            self.end = f"at {problem.where(there)} there is {broken}"
+            return None
+        found = bifurcations_between(problem, here, there)
+        if problem.late():  # what was found then is not known to be complete
+            self.end = used_up(self)
+            return None
+        if corner and not any(b.change is not None for b in found):
+            return None  # it has turned back without a corner
         if any(b.kind == JUMP for b in found):
-            # The step has come to another branch: a shorter one keeps to this one, or finds its end.
-            if ds > shortest_step:
-                ds *= 0.3
-                continue
-            return _ended(branch, walk, here, ds)
-        shorter = collapse_between(walk, here, there, found)
+            return (
+                None  # the step has come to another branch: a shorter one keeps to this one, or finds its end
+            )
+        shorter = collapse_between(problem, here, there, found)
         if shorter is not None:
+            # Without ends the step leads elsewhere: to the same orbits some periods later, or to another branch.
             count, ends = shorter
-            if not ends and ds > shortest_step:
-                ds *= 0.3
-                continue
-            if (
-                not ends
-            ):  # the step leads elsewhere: to the same orbits some periods later, or to another branch
-                return _ended(branch, walk, here, ds)
-            branch.bifurcations += ends
-            branch.places += [len(branch.orbits)] * len(ends)
-            return _collapse_in_words(walk, count, ends)
-        there = _away(walk, here, there, found)
-        branch.bifurcations += found
-        branch.places += [len(branch.orbits)] * len(found)
+            self.add(ends)
+            self.end = _collapse_in_words(problem, count, ends) if ends else ""
+            return None
+        self.add(found)
         if found and found[-1].jumps:
             what = "a contact is just captured" if found[-1].kind == CAPTURE else "a stick is just parted"
-            return f"no orbit beyond {name} = {found[-1].parameter:.10g}: there {what}, and the Poincare map jumps."
-        branch.orbits.append(there.orbit)
-        if past is not None:
-            return f"reached {name} = {past:g}."
-        ds = min(ds * (2.0 if there.steps <= 3 else 1.0 if there.steps <= 5 else 0.5), longest_step)
-        here = walk.rescaled(walk.rephased(there))
+            at = f"{problem.name} = {found[-1].parameter:.10g}"
+            self.end = f"no orbit beyond {at}: there {what}, and the Poincare map jumps."
+            return None
+        return _away(problem, here, there, found)
+
+    def moved_on(self, there: OrbitPoint) -> OrbitPoint:
+        here = self.problem.rescaled(self.problem.rephased(there))
         if there.orbit.segments is None and here.orbit.segments is not None:
-            branch.orbits[-1] = here.orbit  # the same one, better known
-    return f"stopped after {len(branch.orbits)} orbits (`max_points`)."
+            self.points[-1] = replace(there, orbit=here.orbit)  # the same one, better known
+        return here
+
+    def compared(self, point: OrbitPoint) -> tuple[np.ndarray, np.ndarray]:
+        orbit = point.orbit
+        phases = {getattr(p.orbit.map, "phase", None) for p in (self.points[0], point)}
+        alike = orbit.segments is None and len(phases) == 1
+        return (point.u, point.tangent) if alike else (point.u[:0], point.tangent[:0])
+
+    def lost(self, here: OrbitPoint) -> None:
+        """Why no step leads on, in words; what the branch ends at, if that has a name, is its last special point."""
+        problem = self.problem
+        if self.stops(self) or problem.late():
+            self.end = used_up(self)
+            return
+        found = end_at(problem, here, 100 * self.ds * problem.scale)
+        if found is None:
+            self.end = problem.why_ended(here, self.ds)
+            return
+        last = Bifurcation(*found[:6], saddles=found.saddles)
+        self.add([last])
+        why = f"{last.at_saddles}." if last.saddles else (
+            "no orbit was found beyond it. `follow` goes on with it over two parameters."
+        )  # fmt: skip
+        self.end = f"{last.kind} at {problem.name} = {last.parameter:.10g}: {why}"
 
 
-def _used_up(walk: Walk, here: Point) -> str:
-    return (
-        f"`max_steps` or `max_seconds` are used up at {walk.name} = {walk.value(here):.10g}: give more, or go on from "
-        "`orbits[-1]`."
-    )
-
-
-def _tried(low: float, high: float) -> tuple[float, float]:
-    """Where orbits are looked for: somewhat beyond the ends, but not near to 0, where a drive's period has no end."""
-    more = _MORE * (high - low)
-    return (
-        max(low - more, low / 2 if low > 0 else -math.inf),
-        min(high + more, high / 2 if high < 0 else math.inf),
-    )
-
-
-def _ended(branch: Branch, walk: Walk, here: Point, ds: float) -> str:
-    """Why no step leads on from a point, in words; what the branch ends at, if that has a name, is its last one."""
-    found = end_at(walk, here, 100 * ds * walk.scale)
-    if found is None:
-        return walk.why_ended(here, ds)
-    last = Bifurcation(*found[:6], saddles=found.saddles)
-    branch.bifurcations.append(last)
-    branch.places.append(len(branch.orbits))
-    if last.saddles:
-        return f"{last.kind} at {walk.name} = {last.parameter:.10g}: {last.at_saddles}."
-    return (
-        f"{last.kind} at {walk.name} = {last.parameter:.10g}: no orbit was found beyond it. `follow` goes on with it "
-        "over two parameters."
-    )
-
-
-def _away(walk: Walk, here: Point, there: Point, found: list[Bifurcation]) -> Point:
+def _away(problem: OrbitProblem, here: OrbitPoint, there: OrbitPoint, found: list[Bifurcation]) -> OrbitPoint:
     """The point, its tangent away from a corner on the way to it: beyond an acute one the old tangent tells nothing."""
     corner = next((b.beyond for b in reversed(found) if b.beyond is not None), None)
     if corner is None or there.tangent @ here.tangent >= 0.8:
         return there
     if (1 if corner.segments is None else len(corner.segments)) * len(corner.x) + 1 != len(there.u):
         return there
-    way = there.u - walk.unknowns(corner)
+    way = there.u - problem.unknowns(corner)
     return replace(there, tangent=-there.tangent) if way @ there.tangent < 0 else there
 
 
-def _collapse_in_words(walk: Walk, count: int, ends: list[Bifurcation]) -> str:
-    orbits = f"the orbits of {walk.map.count} applications of the map shrink onto one of {count}"
+def _collapse_in_words(problem: OrbitProblem, count: int, ends: list[Bifurcation]) -> str:
+    orbits = f"the orbits of {problem.map.count} applications of the map shrink onto one of {count}"
     kinds = " and ".join(f"{b.kind} at {b.name} = {b.parameter:.10g}" for b in ends)
     return f"{orbits}: {kinds} of that one, which `bifurcations[-1].orbit` is."
-
-
-def _passed(there: Point, here: Point, walk: Walk, begin: float, end: float) -> float | None:
-    """The bound that the last step has passed: the end of the range or, after a turn, its beginning."""
-    q, q0 = (walk.value(p) for p in (there, here))
-    low, high = sorted((begin, end))
-    if q >= high and q > q0:
-        return high
-    if q <= low and q < q0:
-        return low
-    return None
 
 
 @checks.door(
@@ -377,16 +322,16 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
         )
     old, beside = bifurcation.orbit, bifurcation.kind == "branch point"
     doubled, x, direction = _critical(old) if beside else _doubled(old)
-    walk = Walk(doubled, bifurcation.name, 1.0, unit_along(old))
+    walk = OrbitProblem(doubled, bifurcation.name, 1.0, unit_along(old))
     normal = np.append(direction / walk.units, 0.0)
     normal /= np.linalg.norm(normal)
-    guess = np.append((x + amplitude * direction) / walk.sizes, bifurcation.parameter)
+    begun = np.append(x, bifurcation.parameter) / walk.sizes
+    guess = begun + np.append(amplitude * direction, 0.0) / walk.sizes
     point = walk.correct(guess, normal, normal)
     lost = "give another `amplitude`, a smaller one as a rule."
     if point is None:
         return none_found(doubled.map, old.x, f"no orbit was found on the branch at this distance: {lost}")
     orbit = in_units(point.orbit, walk.unit)
-    begun = np.append(x / walk.sizes, bifurcation.parameter)
     quarter = leaves(walk, begun, bifurcation.uncertainty, point, normal)
     # The critical multiplier leaves 1 as the square of the amplitude, and has not come as far as 0.
     if quarter is None or not np.abs(quarter.orbit.map_multipliers - 1).min(initial=np.inf) < 1 / 16:

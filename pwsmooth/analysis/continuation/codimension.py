@@ -1,6 +1,6 @@
 """Points of codimension 2 on a curve, and what leads on from them.
 
-Chain: recutting.py -> **codimension** -> emanating.py, curve_ways.py.
+Chain: recutting.py -> **codimension** -> curves/, equilibria/ways.py.
 """
 
 from __future__ import annotations

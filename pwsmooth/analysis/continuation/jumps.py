@@ -25,7 +25,7 @@ from ..orbits.finding import refine
 from ..orbits.itineraries import Change, Letter, same_itinerary
 from ..orbits.periodic_orbit import PeriodicOrbit
 from ..orbits.recutting import touched
-from .arclength import Point, Walk
+from .arclength import OrbitPoint, OrbitProblem
 from .conditions.captures import CAPTURE, at_threshold, clearances
 from .homoclinic import HETEROCLINIC, HOMOCLINIC, saddles_met
 
@@ -48,7 +48,7 @@ class Jump(NamedTuple):
     saddles: tuple[Equilibrium, ...] = ()
 
 
-def jump_between(walk: Walk, left: Point, right: Point) -> Jump | None:
+def jump_between(walk: OrbitProblem, left: OrbitPoint, right: OrbitPoint) -> Jump | None:
     """Whether a jump is that of a contact which is just captured, just not, or just let go; located over the parameter.
 
     The chord leads from one orbit to another there, and says little of where the first one ends.
@@ -113,7 +113,7 @@ def let_go(orbit: PeriodicOrbit, within: float) -> Change | None:
     return Change(ADDING, (Letter(time, release.name, "slip by fold", 0, release.side),), (), time)
 
 
-def end_at(walk: Walk, here: Point, width: float) -> Jump | None:
+def end_at(walk: OrbitProblem, here: OrbitPoint, width: float) -> Jump | None:
     """What a branch ends at: a capture, the grazing of a stop or of an event, where the map jumps, or a saddle."""
     if saddles := saddles_met(here.orbit):
         kind = HOMOCLINIC if len(saddles) == 1 else HETEROCLINIC

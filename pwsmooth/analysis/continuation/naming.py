@@ -26,7 +26,7 @@ from ...definition.regularity import total_derivative
 from ...results.solution import Solution
 from ..orbits.itineraries import Change, same_itinerary
 from ..orbits.periodic_orbit import PeriodicOrbit
-from .arclength import JUMP_OF_SLOPES, Point, Walk, in_other_pieces, slopes_apart
+from .arclength import JUMP_OF_SLOPES, OrbitPoint, OrbitProblem, in_other_pieces, slopes_apart
 from .conditions.conditions import factors, on_circle
 
 BORDER = "border collision"
@@ -58,7 +58,7 @@ def _on_locus(mu: np.ndarray, kind: str) -> bool:
     return bool(np.abs(mu - root).min(initial=np.inf) <= _NEARLY)
 
 
-def turn_named(walk: Walk, here: Point, there: Point, point: Point) -> str:
+def turn_named(walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint, point: OrbitPoint) -> str:
     """What a point is at which a branch turns back: a fold, if its multiplier goes through 1.
 
     If it only touches 1, another branch meets this one at its vertex. Empty where it stays 1: there the branch is a set
@@ -74,7 +74,9 @@ def turn_named(walk: Walk, here: Point, there: Point, point: Point) -> str:
     return "fold" if values[0] * values[1] < 0 else "branch point"
 
 
-def border_between(walk: Walk, here: Point, there: Point) -> tuple[Point, Point] | None:
+def border_between(
+    walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint
+) -> tuple[OrbitPoint, OrbitPoint] | None:
     """Two points of one itinerary, within the bracket of a change, between which the slopes of the map jump.
 
     None where they do not: a jump stays as large while its two sides come together.

@@ -5,7 +5,7 @@
 c says which bifurcation (conditions.py); points at which a second condition holds are located and named. Every orbit is
 one of the exact system: where the itinerary changes the curve says so, and ends where the bifurcation does.
 
-Chain: curve_ways.py -> **curves**.
+Chain: curves/ways.py, equilibria/curves.py -> **two_parameters** -> following.py.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -27,11 +27,12 @@ from ..orbits.periodic_orbit import PeriodicOrbit
 from .codimension import Codimension2, Lead
 from .conditions.conditions import Condition
 from .curves.starts import condition_of, given
-from .curves.walk import CurveWalk, Spot, where
-from .curves.ways import Way
+from .curves.walk import CurveProblem, Spot
+from .curves.ways import CurveWay
 from .equilibria.curves import EquilibriumCurve, follow_equilibria
 from .plane import InPlane
 from .steps import Steps
+from .way import followed, used_up
 
 __all__ = ["Codimension2", "Curve"]
 
@@ -105,13 +106,15 @@ def follow_curve(
     still = start.orbit if isinstance(start, Codimension2) else getattr(start, "equilibrium", start)
     if isinstance(still, Equilibrium):
         both, bounds = _in_ranges(over, still.system)
-        return follow_equilibria(start, kind, both, bounds, lengths, most, virtual, budget.late)
+        return follow_equilibria(
+            start, kind, both, bounds, lengths, most, virtual, lambda way: used_up(way) if budget.late() else ""
+        )
     orbit, name, lead = given(start, kind, switch)
     both, bounds = _in_ranges(over, orbit.system)
     with within(Budget(_COUNTED)) as counted:
         return _both_sides(
             lead, condition_of(lead, name, both), both, bounds, lengths, most, virtual,
-            lambda: _COUNTED - counted.left >= budget.left or budget.late(),
+            lambda way: used_up(way) if _COUNTED - counted.left >= budget.left or budget.late() else "",
         )  # fmt: skip
 
 
@@ -129,41 +132,33 @@ def _in_ranges(over: Mapping[Any, Any], system: Any) -> tuple[tuple[str, str], n
     return (names[0], names[1]), bounds
 
 
-def _both_sides(lead, condition, names, bounds, lengths, most, virtual, used_up) -> Curve:
+def _both_sides(lead, condition, names, bounds, lengths, most, virtual, stops) -> Curve:
     curve = Curve(condition.kind, names)
     begun = _begun(lead, condition, names, bounds)
     if isinstance(begun, str):
         curve.ends = (begun,)
         return curve
-    walk, first = begun
-    walk.framed(first)
+    problem, first = begun
+    problem.framed(first)
     if lead.direction is None:  # nearly along the curve itself, the nearest point may be far
-        first = walk.correct(first.u, None, first.tangent) or first
-    if not isinstance(walk.map, FromEvent):
-        first = walk.segmented(first)  # what grows in a window or beside it did not for the branch
-    ways: list[Way] = []
-    sides: list[tuple[list[Spot], list[Codimension2], str]] = []
-    for sign in (-1.0, 1.0):
-        side = copy.copy(walk)
-        side.condition = copy.deepcopy(walk.condition)
-        here = copy.copy(first)
-        object.__setattr__(here, "tangent", sign * first.tangent)
-        way = Way(side, bounds, lengths, most, virtual, used_up)
-        ways.append(way)
-        if lead.begins and (begins := _begins(side, here, lead, virtual)):
-            sides.append(([here], [], begins))
-        else:
-            way.born = here if lead.begins else None
-            sides.append(way.followed(here))
-        if way.closed:
-            break
-    back, on = sides[0], sides[1] if len(sides) == 2 else ([first], [], "")
-    spots = [*back[0][:0:-1], *on[0]]
-    curve.orbits = [spot.orbit for spot in spots]
-    curve.points = [*back[1][::-1], *on[1]]
-    curve.turns = [*ways[0].turns[::-1], *(ways[1].turns if len(ways) == 2 else [])]
-    curve.ends = tuple(end for end in (back[2], on[2]) if end)
-    curve.tests = {name: np.array([spot.tests.get(name, math.nan) for spot in spots]) for name in first.tests}
+        first = problem.correct(first.u, None, first.tangent) or first
+    if not isinstance(problem.map, FromEvent):
+        first = problem.segmented(first)  # what grows in a window or beside it did not for the branch
+
+    def begin(sign: float) -> tuple[CurveWay, Spot, Spot]:
+        side, here = copy.copy(problem), replace(first, tangent=sign * first.tangent)
+        side.condition = copy.deepcopy(problem.condition)
+        way = CurveWay(side, lengths, most, stops, virtual)
+        if lead.begins:
+            way.born, way.end = here, _begins(side, here, lead, virtual)
+        return way, here, here
+
+    way, ends = followed(begin, (-1.0, 1.0))
+    curve.orbits = [spot.orbit for spot in way.points]
+    curve.points, curve.turns, curve.ends = way.specials, way.turns, tuple(ends)
+    curve.tests = {
+        name: np.array([spot.tests.get(name, math.nan) for spot in way.points]) for name in first.tests
+    }
     return curve
 
 
@@ -174,10 +169,10 @@ def _begun(lead: Lead, condition: Condition, names: tuple[str, str], bounds: np.
     given_ = {p.name: value for p, value in map_.system.parameters.items()}
     middle = bounds.mean(axis=1) / widths
     for amplitude in (0.0,) if lead.direction is None else _AMPLITUDES:
-        walk = CurveWalk(map_, condition, names, widths, x, held)
+        walk = CurveProblem(map_, condition, names, bounds, x, held)
         at = x if lead.direction is None else x + amplitude * (1 + np.abs(x).max()) * lead.direction
         w = np.append(at, [given_[q] for q in names])
-        place = walk.place(w)
+        place = walk.map_at(w)
         if place is None:
             continue
         extra = condition.start(place)
@@ -193,7 +188,7 @@ def _begun(lead: Lead, condition: Condition, names: tuple[str, str], bounds: np.
     return f"no {condition.kind} was found near to the start."
 
 
-def _begins(walk: CurveWalk, here: Spot, lead: Lead, virtual: bool) -> str:
+def _begins(walk: CurveProblem, here: Spot, lead: Lead, virtual: bool) -> str:
     """Whether a curve that begins at a point of codimension 2 begins at this end, in words; empty where it goes on."""
     there: Any = walk.step(here, _ASIDE)
     if there is None:
@@ -202,14 +197,14 @@ def _begins(walk: CurveWalk, here: Spot, lead: Lead, virtual: bool) -> str:
         grown = (
             (there.orbit.x - here.orbit.x) @ lead.direction * ((here.orbit.x - lead.cut[1]) @ lead.direction)
         )
-        return f"it begins near {where(walk, here)}." if grown < 0 else ""
+        return f"it begins near {walk.where(here)}." if grown < 0 else ""
     place = walk.place_at(there)
     if virtual or place is None or not walk.condition.beyond(place, there.extra):
         return ""
-    return f"it begins at {where(walk, here)}."
+    return f"it begins at {walk.where(here)}."
 
 
-def _nearer(walk: CurveWalk, u: np.ndarray, normal: np.ndarray | None, off: np.ndarray) -> Spot | None:
+def _nearer(walk: CurveProblem, u: np.ndarray, normal: np.ndarray | None, off: np.ndarray) -> Spot | None:
     """The first point of a curve, at once or with c in parts of what it is at the start; `normal` keeps an entry."""
     spot = walk.correct(u, normal, None)
     if spot is not None and np.linalg.norm(spot.u - u) < _FAR:

@@ -11,7 +11,7 @@
 Source: Kuznetsov, Elements of Applied Bifurcation Theory, chapter 9; di Bernardo, Budd, Champneys, Kowalczyk,
 Piecewise-smooth Dynamical Systems, 2008.
 
-Chain: codimension.py, curve_starts.py, curve_walk.py -> **emanating** -> curve_ways.py.
+Chain: codimension.py, starts.py, walk.py -> **emanating** -> ways.py.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from ..conditions.captures import CAPTURE, at_threshold, capture_cut
 from ..conditions.conditions import Critical, Place
 from ..conditions.tangencies import DEGENERATE, SIDES, Touch, TwoSided
 from .starts import ARRIVALS, EXITS, SMOOTH, TOUCHES, at_event
-from .walk import CurveWalk, Spot
+from .walk import CurveProblem, Spot
 
 _ASIDE = 1e-4  # of the scaled parameters: so far beside a change the orbits of one side are started from
 
 
-def leads(walk: CurveWalk, spot: Spot, name: str) -> tuple[Lead, ...]:
+def leads(walk: CurveProblem, spot: Spot, name: str) -> tuple[Lead, ...]:
     """What begins at a zero of a test function."""
     place, condition = walk.place_at(spot), walk.condition
     if place is None:
@@ -96,7 +96,7 @@ def _grazing(place: Place, spot: Spot) -> tuple[Lead, ...]:
     return (Lead("grazing impact", (Windowed(start, window), run.x[:, -1], False)),)
 
 
-def _of_one_side(walk: CurveWalk, place: Place, kind: str, side: str) -> tuple[Lead, ...]:
+def _of_one_side(walk: CurveProblem, place: Place, kind: str, side: str) -> tuple[Lead, ...]:
     """The fold, flip, ... of the orbits on one side of a change of itinerary."""
     slopes = walk.condition.slopes(place, np.empty(0))
     if slopes is None:

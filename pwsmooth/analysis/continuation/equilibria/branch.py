@@ -108,6 +108,8 @@ class EquilibriumBranch(_Along):
         In the order in which they were found.
     end : str
         Why it ended, in words.
+    places : list of int
+        Of each bifurcation how many of the equilibria come before it.
 
     Source: Keller's arclength continuation (1977); di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical
     Systems, 2008, for what happens at surfaces.
@@ -123,6 +125,7 @@ class EquilibriumBranch(_Along):
     equilibria: list[Equilibrium] = field(default_factory=list)
     bifurcations: list[EquilibriumBifurcation] = field(default_factory=list)
     end: str = ""
+    places: list[int] = field(default_factory=list)
 
     _noun = "equilibria"
 
@@ -133,13 +136,6 @@ class EquilibriumBranch(_Along):
     @staticmethod
     def _at(bifurcation: Any) -> Any:
         return bifurcation.equilibrium
-
-    def _joined(self, other: EquilibriumBranch) -> EquilibriumBranch:
-        """The way there, backwards, and another way from the same start."""
-        return EquilibriumBranch(
-            self.parameter, [*self.equilibria[:0:-1], *other.equilibria],
-            [*self.bifurcations[::-1], *other.bifurcations], f"{self.end} {other.end}",
-        )  # fmt: skip
 
     @property
     def values(self) -> np.ndarray:

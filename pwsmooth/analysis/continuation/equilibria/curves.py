@@ -22,10 +22,11 @@ from ....door.documenting import complete
 from ...equilibria.equilibrium import Equilibrium
 from ..codimension import Codimension2
 from ..plane import InPlane
+from ..way import Lengths, Way, followed
 from .branch import EquilibriumBifurcation
 from .conditions import BOUNDARY, HOPF, LAYER, Boundary, EquilibriumCondition, Fold, Hopf, Layer
-from .walk import Walk2
-from .ways import CLOSED, EquilibriumWay, beyond_border
+from .problem import EquilibriumPoint, EquilibriumProblem
+from .ways import EquilibriumCurveWay, beyond_border
 
 __all__ = ["EquilibriumCurve"]
 
@@ -112,36 +113,32 @@ def _of_kind(kind: str, e: Equilibrium, event: Any) -> EquilibriumCondition:
 
 
 def follow_equilibria(
-    start: Any, kind: str | None, names: tuple[str, str], bounds: np.ndarray, lengths: tuple[float, float, float],
-    most: int, virtual: bool, late: Callable[[], bool],
+    start: Any, kind: str | None, names: tuple[str, str], ranges: np.ndarray, lengths: Lengths, most: int,
+    virtual: bool, stops: Callable[[Way], str],
 ) -> EquilibriumCurve:  # fmt: skip
     """The curve of a bifurcation of equilibria, to both sides (two_parameters.follow_curve)."""
     e, condition, begins = _condition(start, kind)
     curve = EquilibriumCurve(condition.kind, names)
-    walk = Walk2(e, names, bounds[:, 1] - bounds[:, 0], condition)
-    found = walk.spot(walk.first * walk.unit)
+    problem = EquilibriumProblem(e, names, ranges, condition)
+    found = problem.spot(problem.first * problem.sizes)
     if found is None:
         curve.ends = ("the equations are not defined at the start.",)
         return curve
     condition.frame(found[0])
-    first = walk.correct(walk.first, None, None)
+    first = problem.correct(problem.first, None, None)
     if first is None or not (begins or condition.genuine(first.spot)):
         curve.ends = (f"no {condition.kind} was found near to the start.",)
         return curve
-    sides = []
-    for sign in (-1.0, 1.0):
-        side = copy.copy(walk)
+
+    def begin(sign: float) -> tuple[EquilibriumCurveWay, EquilibriumPoint, EquilibriumPoint]:
+        side, here = copy.copy(problem), replace(first, tangent=sign * first.tangent)
         side.condition = copy.deepcopy(condition)
-        way = EquilibriumWay(side, bounds, lengths, most, virtual, late)
-        way.follow(replace(first, tangent=sign * first.tangent), begins)
-        sides.append(way)
-        if way.end == CLOSED:
-            break
-    back, on = sides[0], sides[-1] if len(sides) == 2 else None
-    along = [*back.passed[:0:-1], *(on.passed if on else [first])]
-    curve.equilibria = [point.equilibrium for point in along]
-    curve.points = [*back.points[::-1], *(on.points if on else [])]
-    curve.turns = [*back.turns[::-1], *(on.turns if on else [])]
-    curve.ends = tuple(way.end for way in sides)
-    curve.tests = {name: np.array([p.tests.get(name, math.nan) for p in along]) for name in first.tests}
+        way = EquilibriumCurveWay(side, lengths, most, stops, virtual)
+        way.begins = begins
+        return way, here, here
+
+    way, ends = followed(begin, (-1.0, 1.0))
+    curve.equilibria = [point.equilibrium for point in way.points]
+    curve.points, curve.turns, curve.ends = way.specials, way.turns, tuple(ends)
+    curve.tests = {name: np.array([p.tests.get(name, math.nan) for p in way.points]) for name in first.tests}
     return curve

@@ -24,7 +24,7 @@ from ...maps.sections import Section, poincare_map
 from ...maps.seen import Return
 from ...maps.segments import TOO_LONG, Segments
 from ...orbits.periodic_orbit import PeriodicOrbit, none_found
-from ..arclength import Walk, in_units, leaves
+from ..arclength import OrbitProblem, in_units, leaves
 from .branch import EquilibriumBifurcation
 
 __all__ = ["cycle_from"]
@@ -111,10 +111,10 @@ def cycle_from(
     first = PeriodicOrbit(
         map_, e.x, 0.0, nothing[0], (), 0.0, 0, True, "", segments=pieces if number > 1 else None
     )
-    walk = Walk(first, hopf.name, 1.0, unit)
+    walk = OrbitProblem(first, hopf.name, 1.0, unit)
     normal = np.append(ahead.ravel() / np.linalg.norm(ahead), 0.0)
-    begun = np.append(np.tile(e.x, number) / walk.sizes, hopf.parameter)
-    guess = begun + np.append(amplitude * ahead.ravel() / walk.sizes, 0.0)
+    begun = np.append(np.tile(e.x, number), hopf.parameter) / walk.sizes
+    guess = begun + np.append(amplitude * ahead.ravel(), 0.0) / walk.sizes
     point = walk.correct(guess, normal, normal)
     lost = "give another `amplitude`, a smaller one as a rule, or a section in `seen` that the cycle crosses."
     if point is None:

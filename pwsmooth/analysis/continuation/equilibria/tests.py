@@ -4,7 +4,7 @@
     branch; with a linear switch a two-fold)
 
 Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the smooth ones.
-Chain: mode_walk.py, equilibrium_branch.py -> **equilibrium_tests** -> equilibrium_branches.py.
+Chain: problem.py, branch.py -> **tests** -> branches.py.
 """
 
 from __future__ import annotations
@@ -21,18 +21,20 @@ from ...equilibria.disc_modes import held as held_in
 from ...equilibria.equilibrium import Equilibrium
 from ...equilibria.stability import lyapunov_coefficient
 from .branch import EquilibriumBifurcation
-from .mode_walk import Point, Walk
+from .problem import EquilibriumPoint, EquilibriumProblem
 
 
-def between(walk: Walk, here: Point, there: Point) -> list[EquilibriumBifurcation]:
+def between(
+    walk: EquilibriumProblem, here: EquilibriumPoint, there: EquilibriumPoint
+) -> list[EquilibriumBifurcation]:
     """Bifurcations between two points of one mode."""
-    tests: dict[str, Callable[[Point], float]] = {"fold": lambda p: float(p.tangent[walk.place])}
-    if walk.q is not None:
+    tests: dict[str, Callable[[EquilibriumPoint], float]] = {"fold": lambda p: float(p.tangent[walk.place])}
+    if not walk.along_state:
         tests["branch point"] = _bordered
     tests |= {"Hopf": lambda p: _pairs(p.equilibrium.eigenvalues), "layer": _layer_determinant}
     if len(here.equilibrium.layer_eigenvalues) > 1:
         tests["layer Hopf"] = lambda p: _pairs(p.equilibrium.layer_eigenvalues)
-    for event in walk.system.model.events:
+    for event in walk.statics.system.model.events:
         if event.surface is not None and not event.singular:
             tests[f"event {event.name}"] = _event_surface(event.surface)
     found: list[EquilibriumBifurcation] = []
@@ -47,13 +49,15 @@ def between(walk: Walk, here: Point, there: Point) -> list[EquilibriumBifurcatio
             found.append(named)
     # Where all of x is held, the layer's fold is that of the branch.
     layer = [b for b in found if b.kind == "hidden fold"]
-    near = [b for b in found if b.kind == "fold" and any(abs(b.parameter - c.parameter) <= 1e-7 * walk.unit[walk.place]
+    near = [b for b in found if b.kind == "fold" and any(abs(b.parameter - c.parameter) <= 1e-7 * walk.sizes[walk.place]
                                                          for c in layer)]  # fmt: skip
     found = [b for b in found if b not in near]
     return sorted(found, key=lambda b: float(np.linalg.norm(b.equilibrium.x - here.equilibrium.x)))
 
 
-def _named(walk: Walk, kind: str, here: Point, point: Point, width: float) -> EquilibriumBifurcation | None:
+def _named(
+    walk: EquilibriumProblem, kind: str, here: EquilibriumPoint, point: EquilibriumPoint, width: float
+) -> EquilibriumBifurcation | None:
     e = point.equilibrium
     made_ = EquilibriumBifurcation(kind, walk.name, walk.value(point), width, e)
     if kind == "Hopf":
@@ -79,9 +83,9 @@ def _named(walk: Walk, kind: str, here: Point, point: Point, width: float) -> Eq
     return made_
 
 
-def _bordered(point: Point) -> float:
+def _bordered(point: EquilibriumPoint) -> float:
     """Sign and size of det [DF; tau']: 0 where two branches meet, and not at a fold."""
-    square = np.vstack([point.DF, point.tangent])
+    square = np.vstack([point.rows, point.tangent])
     return float(np.linalg.det(square / (1 + np.linalg.norm(square, axis=1))[:, None]))
 
 
@@ -102,15 +106,15 @@ def _critical(mu: np.ndarray) -> float | None:
     return float(nearest.imag) if abs(nearest.real) <= 1e-6 * np.abs(mu).max() else None
 
 
-def _layer_determinant(point: Point) -> float:
+def _layer_determinant(point: EquilibriumPoint) -> float:
     layer = point.equilibrium.linear.layer
     if not len(layer) or not np.isfinite(layer).all():
         return 1.0
     return float(np.linalg.det(layer / max(np.abs(layer).max(), 1.0)))
 
 
-def _event_surface(surface: sp.Expr) -> Callable[[Point], float]:
-    def test(point: Point) -> float:
+def _event_surface(surface: sp.Expr) -> Callable[[EquilibriumPoint], float]:
+    def test(point: EquilibriumPoint) -> float:
         return value(surface, _symbols(point.equilibrium))
 
     return test
