@@ -1,4 +1,4 @@
-"""A diagram as an xarray Dataset: ragged branches one behind the other, bifurcations, the orbit diagram.
+"""A diagram as an xarray Dataset: ragged branches one behind the other, special points, the orbit diagram.
 
 Chain: **dataset** -> result.py.
 """
@@ -48,10 +48,10 @@ def dataset_of(diagram: Any, title: str) -> xarray.Dataset:
         diagram.parameter if key == "parameter" else key: (("point",), values) for key, values in joined.items()
     }
     data |= {name: (("point", "turn"), points[:, :, k]) for k, name in enumerate(diagram.states)}
-    found = diagram.bifurcations
-    data["bifurcation_kind"] = ("bifurcation",), np.array([b.kind for b in found], dtype=object)
+    found = diagram._located
+    data["special_kind"] = ("special",), np.array([b["kind"] for b in found], dtype=object)
     for key in ("parameter", "uncertainty", "branch"):
-        data[f"bifurcation_{key}"] = ("bifurcation",), np.array([getattr(b, key) for b in found])
+        data[f"special_{key}"] = ("special",), np.array([b[key] for b in found])
     if diagram.ends is not None:
         ends = diagram.ends
         data["value"] = ("value",), ends.values

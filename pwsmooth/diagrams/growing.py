@@ -17,7 +17,7 @@ from ..analysis.continuation.following import follow
 from ..analysis.continuation.steps import Steps
 from ..analysis.equilibria.equilibrium import Equilibrium
 from ..analysis.maps.sections import Section, Stroboscopic
-from .plain import Setting, aligned, distance, made_bifurcation, points_of
+from .plain import Setting, aligned, distance, points_of, special_of
 
 _BESIDE = 0.1  # of a step of the curve: its bend between two points is less
 _FLOOR = 1e-6  # of the ranges
@@ -26,7 +26,7 @@ _FLOOR = 1e-6  # of the ranges
 def grown(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
     """The curve of a task: {"arrays": ..., "about": ...}; only "about" with "lost" in words where there is none."""
     try:
-        bifurcation = made_bifurcation(task["bifurcation"], setting)
+        bifurcation = special_of(task["bifurcation"], setting)
         curve: Any = follow(
             bifurcation, task["ranges"], virtual=task["virtual"], steps=Steps(max_points=task["most"])
         )
@@ -36,10 +36,10 @@ def grown(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
         ValueError,
     ) as error:  # one that cannot be followed, as a rule
         return {"arrays": {}, "about": {"lost": str(error)}}
-    if len(curve._items) < 2:
+    if len(curve.points) < 2:
         return {"arrays": {}, "about": {"lost": "; ".join(curve.ends)}}
     n = len(setting.system.model.states)
-    pairs = [_points(item, setting, n) for item in curve._items]
+    pairs = [_points(item, setting, n) for item in curve.points]
     count = max(len(points) for points, _ in pairs)
     points, mirrored = (np.full((len(pairs), count, n), np.nan) for _ in range(2))
     for k, (own, other) in enumerate(pairs):
@@ -49,20 +49,20 @@ def grown(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
             mirrored[k, : len(other)] = np.roll(other, shift, axis=0)
     arrays = {
         "values": curve.values, "points": points, "mirrored": mirrored, "admissible": curve.admissible,
-        "size": np.array([_size(item) for item in curve._items]),
-        "period": np.array([getattr(item, "period", np.nan) for item in curve._items]),
+        "size": np.array([_size(item) for item in curve.points]),
+        "period": np.array([getattr(item, "period", np.nan) for item in curve.points]),
         **{f"test {name}": values for name, values in curve.tests.items()},
     }  # fmt: skip
     about = {
         "lost": "", "kind": curve.kind, "ends": list(curve.ends),
-        "points": [{"name": p.name, "at": list(p.values.values()), "note": p.note} for p in curve.points],
+        "specials": [{"kind": p.kind, "at": list(p.values.values()), "note": p.note} for p in curve.specials],
     }  # fmt: skip
     return {"arrays": arrays, "about": about}
 
 
 def condition_of(data: Mapping[str, Any]) -> str | None:
     """The kind of the curve on which a bifurcation lies, given as data; None where no such curves are followed."""
-    kind, still = data["kind"], "frequency" in data
+    kind, still = data["kind"], data["point"].get("equilibrium", False)
     if still and kind.startswith(of_equilibria.BOUNDARY):
         kind = of_equilibria.BOUNDARY
     return kind if kind in (of_equilibria.FOLLOWED if still else FOLLOWED) else None

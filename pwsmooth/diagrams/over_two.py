@@ -58,11 +58,11 @@ class Growing:
         starts = [
             (b, found.parameter, (name, value))
             for found, (name, value) in zip(diagrams, held)
-            for b in found.bifurcations
+            for b in found._located
         ]
-        others = Counter(b.kind for b, *_ in starts if condition_of(b.data) is None)
+        others = Counter(b["kind"] for b, *_ in starts if condition_of(b) is None)
         self.lost += [f"{number} of {kind}: no curves of it are followed." for kind, number in others.items()]
-        starts = [start for start in starts if condition_of(start[0].data) is not None]
+        starts = [start for start in starts if condition_of(start[0]) is not None]
         for number, start in enumerate(starts):
             if self.known(*start):
                 continue
@@ -73,7 +73,7 @@ class Growing:
             b, *_ = start
             item = self.work.result(self.task(b))
             at = self.at(*start)
-            origin = f"{b.kind} at {self.names[0]} = {at[0]:.9g}, {self.names[1]} = {at[1]:.9g}"
+            origin = f"{b['kind']} at {self.names[0]} = {at[0]:.9g}, {self.names[1]} = {at[1]:.9g}"
             if item["about"]["lost"]:
                 self.lost.append(f"{origin}: {item['about']['lost']}")
                 continue
@@ -86,16 +86,19 @@ class Growing:
         return (self.task(start[0]) for start in starts if not self.known(*start))
 
     def task(self, b: Any) -> Task:
-        return {"bifurcation": bare(b.data), **self.common}
+        return {"bifurcation": bare(b), **self.common}
 
     def at(self, b: Any, name: str, line: tuple[str, float]) -> np.ndarray:
-        values = {name: b.parameter, line[0]: line[1]}
+        values = {name: b["parameter"], line[0]: line[1]}
         return np.array([values[name] for name in self.names])
 
     def known(self, b: Any, name: str, line: tuple[str, float]) -> bool:
         at = self.at(b, name, line)
-        kind = condition_of(b.data)
-        return any(curve.holds(kind, at, b.points, self.widths, self.work.setting) for curve in self.found)
+        kind = condition_of(b)
+        return any(
+            curve.holds(kind, at, np.asarray(b["points"]), self.widths, self.work.setting)
+            for curve in self.found
+        )
 
     def same(self, curve: Grown) -> bool:
         """Whether a curve is one that is known, of which two of its points say so."""

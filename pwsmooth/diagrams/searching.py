@@ -25,7 +25,7 @@ from ..analysis.orbits.finding import refine
 from ..results.records import Outcome
 from ..studies.plan import NO_RETURN
 from .line import Line, same_points
-from .plain import Setting, distance, found_at, points_of, told
+from .plain import Setting, data_of, distance, found_at, points_of
 from .tasks import Task, Tasks
 from .tracing import SWITCHED
 
@@ -80,7 +80,7 @@ class Search:
     # ---- tasks
 
     def from_orbit(self, orbit: Any) -> Task:
-        return self._task(start=told(orbit, self.setting))
+        return self._task(start=data_of(orbit, self.setting))
 
     def _task(self, **what: Any) -> Task:
         return {
@@ -93,8 +93,8 @@ class Search:
         for b in line.bifurcations:
             b["first"] = self._new(b) and not (b["kind"] == "fold" and self._vertex(line, b))
             origin = f"{b['kind']} at {self.name} = {b['parameter']:.9g}"
-            if b["first"] and b["orbit"].get("count", line.count) < line.count:
-                yield f"stem of the {origin}", line.depth + 1, self._task(start=b["orbit"]), None
+            if b["first"] and b["point"].get("count", line.count) < line.count:
+                yield f"stem of the {origin}", line.depth + 1, self._task(start=b["point"]), None
             elif b["first"] and b["kind"] == "flip" and 2 * line.count > self.max_count:
                 self.left += 1
             elif b["first"] and (b["kind"] in SWITCHED or b.get("cycle") == "attracting"):

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..analysis.continuation.special import Special
 from ..door import checks
 from ..door.describe import Described, Rows, some
 from .growing import Grown
@@ -21,41 +22,10 @@ from .tasks import RESULT, Store, read_result, write_group
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["BifurcationSet", "Meeting", "read_diagram"]
+__all__ = ["BifurcationSet", "read_diagram"]
 
 TITLE = "pwsmooth bifurcation set"
 _SAME = 1e-6  # of the ranges: points of codimension 2 nearer together, of one name, are one
-
-
-@dataclass(frozen=True)
-class Meeting:
-    """A point of codimension 2 of a bifurcation set.
-
-    Attributes
-    ----------
-    name : str
-        As of `Codimension2`.
-    at : tuple of (float, float), in the units of the parameters
-        Its place.
-    curves : tuple of int
-        Numbers of the curves on which it was met.
-    note : str
-        What else is to be said.
-
-    Examples
-    --------
-    >>> from pwsmooth.diagrams import Meeting
-    >>> print(Meeting("cusp", (0.0, 1.0), (0,), ""))
-    cusp at (0, 1)
-    """
-
-    name: str
-    at: tuple[float, float]
-    curves: tuple[int, ...]
-    note: str = ""
-
-    def __str__(self) -> str:
-        return f"{self.name} at ({self.at[0]:.9g}, {self.at[1]:.9g})" + (f": {self.note}" if self.note else "")
 
 
 @checks.door()
@@ -94,20 +64,20 @@ class BifurcationSet(Described):
     lost: tuple[str, ...] = ()
 
     @property
-    def points(self) -> list[Meeting]:
-        """Points of codimension 2, each once."""
-        found: list[Meeting] = []
+    def specials(self) -> list[Special]:
+        """Points of codimension 2, each once, without their orbits."""
+        found: list[Special] = []
         widths = np.ptp(np.array(self.ranges), axis=1)
-        for k, curve in enumerate(self.curves):
-            for p in curve.about["points"]:
-                at = np.array(p["at"])
-                for i, other in enumerate(found):
-                    near = np.abs((at - other.at) / widths).max() <= _SAME
-                    if near and sorted(p["name"].split(" + ")) == sorted(other.name.split(" + ")):
-                        found[i] = Meeting(other.name, other.at, (*other.curves, k), other.note)
-                        break
-                else:
-                    found.append(Meeting(p["name"], (float(at[0]), float(at[1])), (k,), p["note"]))
+        for p in (p for curve in self.curves for p in curve.about["specials"]):
+            at = dict(zip(self.parameters, p["at"]))
+
+            def same(other: Special, p: Any = p) -> bool:
+                off = np.array(p["at"]) - list(other.values.values())
+                names = (sorted(kind.split(" + ")) for kind in (p["kind"], other.kind))
+                return bool(np.abs(off / widths).max() <= _SAME and next(names) == next(names))
+
+            if not any(same(other) for other in found):
+                found.append(Special(p["kind"], at, note=p["note"]))
         return found
 
     def of_kind(self, kind: str) -> list[Grown]:
@@ -116,7 +86,7 @@ class BifurcationSet(Described):
         Parameters
         ----------
         kind : str
-            As of `Bifurcation`.
+            As of `Special`.
 
         Returns
         -------
@@ -168,7 +138,7 @@ class BifurcationSet(Described):
         -------
         xarray.Dataset
             Points of all curves along "point", their curve in `curve`; kinds along "curves"; points of codimension 2
-            along "meeting". The diagrams have Datasets of their own.
+            along "special". The diagrams have Datasets of their own.
         """
         import xarray
 
@@ -179,15 +149,15 @@ class BifurcationSet(Described):
         def joined(name: str) -> np.ndarray:
             return np.concatenate([curve.arrays[name] for curve in self.curves]) if sizes else np.zeros(0)
 
-        meetings = self.points
+        specials = self.specials
         data = {
             "curve": (("point",), np.repeat(np.arange(len(sizes)), sizes)), p: (("point",), values[0]),
             q: (("point",), values[1]),
             **{name: (("point",), joined(name)) for name in ("admissible", "size", "period")},
             "kind": (("curves",), np.array([curve.kind for curve in self.curves], dtype=object)),
-            "meeting_name": (("meeting",), np.array([m.name for m in meetings], dtype=object)),
-            f"meeting_{p}": (("meeting",), np.array([m.at[0] for m in meetings])),
-            f"meeting_{q}": (("meeting",), np.array([m.at[1] for m in meetings])),
+            "special_kind": (("special",), np.array([m.kind for m in specials], dtype=object)),
+            f"special_{p}": (("special",), np.array([m.values[p] for m in specials])),
+            f"special_{q}": (("special",), np.array([m.values[q] for m in specials])),
         }  # fmt: skip
         attrs = {
             "title": TITLE, "ranges": json.dumps(self.ranges), "lines": json.dumps(self.lines), "lost": list(self.lost),
@@ -226,13 +196,16 @@ class BifurcationSet(Described):
     def _described(self) -> tuple[str, Rows]:
         spans = [f"{name} from {a:.9g} to {b:.9g}" for name, (a, b) in zip(self.parameters, self.ranges)]
         kinds = Counter(curve.kind for curve in self.curves)
-        met = Counter(point.name for point in self.points)
-        return f"Bifurcation set over {' and '.join(spans)}: {len(self.curves)} curves", {
-            "curves": some([f"{number} {kind}" for kind, number in kinds.items()]),
-            "points": some([f"{number} {name}" for name, number in met.items()]),
-            "lines": some([f"{name} = {value:.9g}" for name, value in self.lines]),
-            "lost": some(list(self.lost)),
-        }.items()
+        met = Counter(special.kind for special in self.specials)
+        return (
+            f"Bifurcation set over {' and '.join(spans)}: {len(self.curves)} curve{'s' * (len(self.curves) != 1)}",
+            {
+                "curves": some([f"{number} {kind}" for kind, number in kinds.items()]),
+                "special points": some([f"{number} {kind}" for kind, number in met.items()]),
+                "lines": some([f"{name} = {value:.9g}" for name, value in self.lines]),
+                "lost": some(list(self.lost)),
+            }.items(),
+        )
 
 
 @checks.door()
@@ -259,7 +232,7 @@ def read_diagram(path: Any) -> Diagram | BifurcationSet:
     >>> folded = System({x: 0 * x}, time=t, parameters={a: 0.2}, events=[step])
     >>> path = tempfile.mkdtemp() + "/folded.zarr"
     >>> found = diagram(folded, {a: (-0.5, 0.5)}, {x: 0.1}, Strobe(1, phase=0.5), values=5, work=Work(store=path))
-    >>> [b.kind for b in read_diagram(path).bifurcations] == [b.kind for b in found.bifurcations]
+    >>> [b.kind for b in read_diagram(path).specials] == [b.kind for b in found.specials]
     True
     """
     title, item = read_result(checks.path(path, "`path`"))

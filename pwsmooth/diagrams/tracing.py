@@ -10,30 +10,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ..analysis.continuation.arclength import in_units, value_of
 from ..analysis.continuation.bifurcations import ON_CIRCLE
-from ..analysis.continuation.branches import Branch, begin_orbits, branch_off
-from ..analysis.continuation.equilibria.branch import EquilibriumBifurcation, EquilibriumBranch
+from ..analysis.continuation.branch import branch_of
+from ..analysis.continuation.branches import begin_orbits, branch_off
 from ..analysis.continuation.equilibria.hopf import cycle_from
 from ..analysis.continuation.equilibria.sliding_cycle import cycle_beside
 from ..analysis.continuation.following import follow
 from ..analysis.continuation.steps import Steps
 from ..analysis.continuation.way import CLOSED, Way
 from ..analysis.equilibria.equilibrium import Equilibrium
+from ..analysis.orbits.periodic_orbit import PeriodicOrbit
 from ..paths.budget import Budget, within
 from .plain import (
     Setting,
     aligned,
+    data_of_special,
     distance,
     found_at,
-    made,
-    made_bifurcation,
+    point_of,
     points_of,
-    told_bifurcation,
+    special_of,
     values_of,
 )
 
@@ -86,17 +87,17 @@ def _decided(orbit: Any) -> bool:
 def begun(setting: Setting, task: Mapping[str, Any]) -> Any:
     """The first orbit of a task: as given, or on the branch that begins at a bifurcation."""
     if "off" not in task:
-        return made(task["start"], setting)
-    bifurcation = made_bifurcation(task["off"], setting)
-    at = bifurcation.equilibrium if "frequency" in task["off"] else bifurcation.orbit
-    size = float((setting.sizes + np.abs(at.x)).max())
+        return point_of(task["start"], setting)
+    bifurcation = special_of(task["off"], setting)
+    still = isinstance(bifurcation.point, Equilibrium)
+    size = float((setting.sizes + np.abs(bifurcation.point.x)).max())
     low, high = task["range"]
     found = None
     for amplitude in task["amplitudes"]:
-        if isinstance(bifurcation, EquilibriumBifurcation) and bifurcation.cycle:
+        if bifurcation.cycle:
             found = cycle_beside(bifurcation, abs(amplitude) * (high - low))
             found = _on_section(found, setting) if found.success else found
-        elif isinstance(bifurcation, EquilibriumBifurcation):
+        elif still:
             found = cycle_from(bifurcation, abs(amplitude) * size)
             found = _on_section(found, setting) if found.success else found
         else:
@@ -144,8 +145,8 @@ def _traced(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
         orbit = in_units(orbit, setting.sizes)
     steps, bifurcations = Steps(**task.get("steps", {})), list[dict[str, Any]]()
     born = None
-    if "frequency" in task.get("off", {}):
-        born = _Entry(made_bifurcation(task["off"], setting).equilibrium, setting, name)
+    if task.get("off", {}).get("point", {}).get("equilibrium"):
+        born = _Entry(special_of(task["off"], setting).point, setting, name)
         born.decided = False
     ends: list[str] = []
     sides: list[list[_Entry]] = []
@@ -179,7 +180,7 @@ def _one_way(
         way = 1 if to == bounds[1] else -1
         branch = follow(orbit, {name: bounds}, way=way, virtual=setting.virtual, steps=steps)
         return _entries_of(
-            branch, [_Entry(e, setting, name) for e in branch._points], setting, name, bifurcations
+            branch, [_Entry(e, setting, name) for e in branch.points], setting, name, bifurcations
         ), branch.end
     entries = [_Entry(orbit, setting, name)]
     told: list[str] = []
@@ -203,7 +204,7 @@ def _one_way(
         way, *first = begin_orbits(orbit, name, bounds, sign, lengths, steps.max_points, None, stops)
         way.follow(*first)
     stops(way)
-    branch, end = Branch(name, [p.orbit for p in way.points], way.specials, way.end, way.places), way.end
+    branch, end = branch_of(way, (name,), (way.end,)), way.end
     if told and told[0] == CLOSED:
         entries[-1] = entries[0]
         return _entries_of(branch, entries, setting, name, bifurcations), CLOSED
@@ -247,10 +248,10 @@ def _entries_of(
     """Orbits of a branch with its bifurcations between them."""
     entries = list(entries)
     placed: list[tuple[int, list[_Entry]]] = []
-    for place, b in zip(_places(branch, entries), branch.bifurcations):
-        these = [_Entry(branch._at(b), setting, name, len(bifurcations))]
-        bifurcations.append(told_bifurcation(b, setting))
-        if getattr(b, "beyond", None) is not None and not isinstance(b, EquilibriumBifurcation):
+    for place, b in zip(branch.places, branch.specials):
+        these = [_Entry(b.point, setting, name, len(bifurcations))]
+        bifurcations.append(data_of_special(b, setting))
+        if isinstance(b.beyond, PeriodicOrbit):
             these.append(_Entry(b.beyond, setting, name))
         placed.append((place - 1, these))
     for where, these in reversed(placed):
@@ -258,33 +259,6 @@ def _entries_of(
     for before, entry in zip(entries, entries[1:]):
         entry.shifted(before)
     return entries
-
-
-def _places(branch: Any, entries: list[_Entry]) -> list[int]:
-    """Of each bifurcation how many of the points come before it; of equilibria where it is least out of the way."""
-    if not isinstance(branch, EquilibriumBranch):
-        return branch.places
-    scale = float(np.ptp(branch.values)) or 1.0
-    places: list[int] = []
-    for b in branch.bifurcations:
-        first = max(places[-1:] or [1])
-        at = _Place(b.equilibrium.x[None], b.parameter, entries[0].setting)
-        ways = [
-            _off(e, at, scale) + _off(at, f, scale) - _off(e, f, scale)
-            for e, f in zip(entries[first - 1 :], entries[first:])
-        ]
-        places.append(first + int(np.argmin(ways)) if ways else first)
-    return places
-
-
-class _Place(NamedTuple):
-    points: np.ndarray
-    q: float
-    setting: Setting
-
-
-def _off(one: Any, other: Any, scale: float) -> float:
-    return distance(one.points, other.points, one.setting) + abs(one.q - other.q) / scale
 
 
 def _with_middles(entries: list[_Entry], setting: Setting, name: str) -> list[_Entry]:

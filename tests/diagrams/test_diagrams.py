@@ -17,8 +17,8 @@ import sympy as sp
 import xarray
 from friction_oscillator import hidden, omega, sigma, v, y, z
 
-from pwsmooth import Event, Return, Strobe, System, diagram, find_equilibrium, find_orbit
-from pwsmooth.analysis.continuation import Steps
+from pwsmooth import Event, Return, Strobe, System, diagram, find_equilibrium, find_orbit, follow
+from pwsmooth.analysis.continuation import Steps, branch_off
 from pwsmooth.diagrams import read_diagram
 from pwsmooth.studies import Work
 
@@ -41,7 +41,7 @@ STROBED = Strobe(1, phase=0.5)
 
 
 def of(found, kind):
-    return [b.parameter for b in found.bifurcations if b.kind == kind]
+    return [b.parameter for b in found.specials if b.kind == kind]
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +107,7 @@ def test_both_halves_of_a_pitchfork_are_one_branch():
     pitchfork = mapped({x: x + a * x - x**3}, a=-0.2)
     found = diagram(pitchfork, {a: (-0.5, 0.5)}, {x: 0.1}, seen=STROBED, values=6)
     stem, fork = found.branches
-    assert [b.kind for b in found.bifurcations] == ["branch point"]
+    assert [b.kind for b in found.specials] == ["branch point"]
     at = fork.arrays["points"][:, 0, 0]
     assert np.abs(at * (fork.q - at**2)).max() < 2e-11  # of P(x) - x
     assert np.ptp(np.sign(at)) == 2 and not np.any(np.abs(stem.arrays["points"]) > 1e-11)
@@ -119,7 +119,7 @@ def test_a_skew_tent_s_fixed_point_crosses_its_border_where_a_period_of_two_begi
     found = diagram(tent, {a: (-0.5, 0.5)}, {x: 0.1}, seen=STROBED, values=10)
     single, double = found.branches
     assert single.q.max() == pytest.approx(0.5) and double.q.min() == pytest.approx(0, abs=1e-8)
-    (border,) = found.bifurcations
+    (border,) = found.specials
     assert border.kind == "border collision" and abs(border.parameter) < CLOSE
     assert (
         np.abs(
@@ -173,7 +173,7 @@ def test_folds_of_equilibria_have_curves(tmp_path):
     found = diagram(cusp, {a: (-1, 1), b: (-1, 1.5)}, box={x: (-3, 3)}, lines={b: [1.0]})
     (curve,) = found.curves
     p, q = curve.values
-    assert np.abs(27 * p**2 - 4 * q**3).max() < CLOSE and [point.name for point in found.points] == ["cusp"]
+    assert np.abs(27 * p**2 - 4 * q**3).max() < CLOSE and [point.kind for point in found.specials] == ["cusp"]
     found.save(tmp_path / "set.zarr")
     assert [curve.kind for curve in read_diagram(tmp_path / "set.zarr").curves] == ["fold"]
 
@@ -183,7 +183,7 @@ def test_a_hopf_point_leads_to_its_cycle():
     ring = System({x: a * x - u - x * r2, u: x + a * u - u * r2}, parameters={a: -0.5})
     found = diagram(ring, {a: (-0.5, 0.5)}, box={x: (-1, 1), u: (-1, 1)})
     rest, cycle = found.branches
-    assert rest.equilibria and [b.kind for b in found.bifurcations] == ["Hopf"] and found.gaps == []
+    assert rest.equilibria and [b.kind for b in found.specials] == ["Hopf"] and found.gaps == []
     radius = (cycle.arrays["points"][:, 0] ** 2).sum(axis=1)
     assert np.abs(radius - cycle.q)[cycle.q > 1e-3].max() < CLOSE
 
@@ -224,8 +224,8 @@ def test_a_block_at_rest_is_in_a_set_of_orbits_and_that_attracts(block):
 
 def test_a_sharp_corner_of_a_branch_is_turned_around(block):
     """At a crossing-sliding the stable branch of asymmetric orbits meets an unstable one of nearly its direction."""
-    (corner,) = [b for b in block.bifurcations if b.kind == "crossing-sliding" and b.parameter < 3.5]
-    broken = next(b.parameter for b in block.bifurcations if b.kind == "symmetry breaking")
+    (corner,) = [b for b in block.specials if b.kind == "crossing-sliding" and b.parameter < 3.5]
+    broken = next(b.parameter for b in block.specials if b.kind == "symmetry breaking")
     branch = block.branches[1]
     assert branch.q.min() == pytest.approx(corner.parameter, abs=1e-8) and corner.parameter < broken
     assert all("mirror image" in end for end in branch.about["ends"])
@@ -285,8 +285,18 @@ def test_a_diagram_is_the_same_from_its_store_and_from_what_was_saved(tmp_path, 
     found = read_diagram(tmp_path / "saved.zarr")
     same(found, cascade)
     assert str(found) == str(cascade) and found.gaps == cascade.gaps
-    with pytest.raises(ValueError, match="no system"):
-        found.bifurcation(found.bifurcations[0])
+    for tool in (branch_off, lambda flip: follow(flip, {a: (1, 5), "b": (-1, 1)})):
+        with pytest.raises(ValueError, match="was (not )?read"):
+            tool(found.specials[0])
+
+
+def test_what_a_diagram_finds_leads_on_like_what_a_branch_finds():
+    quadratic = mapped({x: a - x**2 + b * x}, a=0.5, b=0.0)
+    found = diagram(quadratic, {a: (-1, 1)}, {x: 0.1}, STROBED, values=6)
+    (flip,) = (special for special in found.specials if special.kind == "flip")
+    p, q = follow(flip, {a: (-1, 2), b: (-1, 1)}).values
+    assert np.abs(4 * p - (1 + q) * (3 - q)).max() < CLOSE
+    assert branch_off(flip, 0.02).map.count == 2
 
 
 def test_data_go_through_xarray_and_zarr(tmp_path, cascade):
@@ -294,7 +304,7 @@ def test_data_go_through_xarray_and_zarr(tmp_path, cascade):
     data.to_zarr(tmp_path / "data.zarr", consolidated=False)
     with xarray.open_zarr(tmp_path / "data.zarr", consolidated=False) as opened:
         assert opened.load().equals(data)
-    assert data.bifurcation_parameter.values[0] == pytest.approx(3, abs=CLOSE)
+    assert data.special_parameter.values[0] == pytest.approx(3, abs=CLOSE)
 
 
 def test_two_processes_give_what_one_gives():

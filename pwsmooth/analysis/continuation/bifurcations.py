@@ -10,25 +10,21 @@ Chain: arclength.py, itineraries.py, jumps.py, naming.py -> **bifurcations** -> 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
 
-from ...door.documenting import complete
-from ..equilibria.equilibrium import Equilibrium
 from ..orbits.finding import refined_to
 from ..orbits.fixed_points import SAME
 from ..orbits.itineraries import JUMP, Change, change_between, same_itinerary
 from ..orbits.periodic_orbit import PeriodicOrbit
 from .arclength import OrbitPoint, OrbitProblem, unit_along
 from .bracketing import zero_between
-from .conditions.captures import CAPTURE
 from .conditions.conditions import factors, pairs
-from .jumps import ADDING, jump_between
+from .jumps import jump_between
 from .naming import BORDER, BRACKET, TOUCHED, border_between, has_multiplier, touches, turn_named
-
-__all__ = ["Bifurcation"]
+from .special import Special
 
 P = TypeVar("P", bound=OrbitPoint)
 
@@ -41,88 +37,12 @@ _NEAR = 0.1  # to the unit circle: a multiplier that may be 1 or -1 but for roun
 _APART = (1e-6, 1e-8, 1e-10)
 
 
-@complete
-@dataclass(frozen=True)
-class Bifurcation:
-    """A point of a branch at which the orbit's stability or itinerary changes.
-
-    Attributes
-    ----------
-    kind : str
-        "fold", "flip", "symmetry breaking", "branch point", "torus", the name of a change of itinerary, "border
-        collision" where multipliers jump without an event, or "capture": of a layered view with a finite ratio, whose
-        contact is captured on one side of it and passes on the other; "homoclinic orbit" or "heteroclinic cycle" where
-        a branch of cycles ends at saddles.
-    name : str
-        The parameter's.
-    parameter : float, in the unit of the parameter
-        Its value.
-    uncertainty : float, in the unit of the parameter
-        Half width of the bracket.
-    orbit : PeriodicOrbit
-        At the bifurcation, on the side from which the branch comes.
-    change : Change or None
-        Which events change, for changes of itinerary.
-    beyond : PeriodicOrbit or None
-        The orbit on the other side of a change of itinerary.
-    saddles : tuple of Equilibrium
-        Of a homoclinic orbit or a heteroclinic cycle: those that it comes to.
-
-    Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the smooth ones; di Bernardo, Budd, Champneys,
-    Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for the others.
-
-    The logistic map's first period doubling, at 3:
-
-    >>> t, x, a = sp.symbols("t x a", real=True)
-    >>> logistic = System({x: 0 * x}, time=t, parameters={a: 2.8}, events=[Event(every=1, update={x: a * x * (1 - x)})])
-    >>> orbit = find_orbit(logistic, {x: 0.6}, seen=Strobe(1, phase=0.5))
-    >>> (flip,) = follow(orbit, {a: 3.3}).bifurcations
-    >>> print(flip.kind, f"{flip.parameter:.6f}")
-    flip 3.000000
-    """
-
-    kind: str
-    name: str
-    parameter: float
-    uncertainty: float
-    orbit: PeriodicOrbit
-    change: Change | None = None
-    beyond: PeriodicOrbit | None = None
-    saddles: tuple[Equilibrium, ...] = ()
-
-    @property
-    def at_saddles(self) -> str:
-        """Where the orbit comes to rest on its way, in words; empty where it does not."""
-        places = [", ".join(f"{name} = {x:.9g}" for name, x in e.x0.items()) for e in self.saddles]
-        return (
-            f"its period grows without bound beside the saddle at {' and that at '.join(places)}"
-            if places
-            else ""
-        )
-
-    @property
-    def jumps(self) -> bool:
-        """Whether the Poincare map jumps there, so that the branch ends."""
-        if self.kind != ADDING or self.beyond is None or self.change is None:
-            return self.kind in (CAPTURE, ADDING)
-        # What a fold of the layer lets go is gone; what only comes to the end of it slips and is back at once.
-        return not self.change.before and any("fold" in letter.kind for letter in self.change.after)
-
-    def __str__(self) -> str:
-        text = f"{self.kind} at {self.name} = {self.parameter:.10g} (+- {self.uncertainty:.1g})"
-        text += f"\n    {self.at_saddles}" if self.saddles else ""
-        if self.change is not None and self.beyond is not None:
-            sizes = [", ".join(f"{m:.4g}" for m in orbit.multipliers) for orbit in (self.orbit, self.beyond)]
-            text += f"\n    {self.change}\n    multipliers {sizes[0]} -> {sizes[1]}"
-        return text
-
-
-def bifurcations_between(walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint) -> list[Bifurcation]:
+def bifurcations_between(walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint) -> list[Special]:
     """All bifurcations on the way from one point of a branch to the next, located, named, in order.
 
     Test functions (Kuznetsov) are zeroed between points of one itinerary, and a change of itinerary is bisected.
     """
-    bifurcations: list[Bifurcation] = []
+    bifurcations: list[Special] = []
     for _ in range(8):
         if same_itinerary(here.orbit, there.orbit):
             return bifurcations + _smooth_all(walk, here, there)
@@ -143,25 +63,25 @@ def bifurcations_between(walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint
             width = max(width, math.sqrt(np.finfo(float).eps) * (1 + abs(walk.value(left))))
         if not of_no_effect(change, *(p.orbit for p in apart)):
             if change.name == JUMP and (found := jump_between(walk, left, right)) is not None:
-                found = found._replace(change=found.change or change)
-                return [*bifurcations, Bifurcation(*found[:6], beyond=behind.orbit)]
+                found = replace(found, change=found.change or change, beyond=behind.orbit)
+                return [*bifurcations, found]
             if change.name in TOUCHED and not touches(change, *(p.orbit for p in apart)):
                 change = replace(change, name="corner")
-            one = Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, behind.orbit)
+            one = Special(change.name, walk.values(left), left.orbit, width, behind.orbit, change=change)
             bifurcations = _with(bifurcations, one)
         here = behind
     return bifurcations
 
 
-def _with(found: list[Bifurcation], one: Bifurcation) -> list[Bifurcation]:
+def _with(found: list[Special], one: Special) -> list[Special]:
     """With another change of itinerary: as one with the change before, if no parameter lies between them."""
     last = found[-1] if found else None
     if last is not None and last.change is not None and last.beyond is not None and one.beyond is not None:
         width = last.uncertainty + one.uncertainty
         if abs(last.parameter - one.parameter) <= width:
-            both = change_between(last.orbit, one.beyond)
+            both = change_between(last.point, one.beyond)
             if both.name != JUMP:
-                if both.name in TOUCHED and not touches(both, last.orbit, one.beyond):
+                if both.name in TOUCHED and not touches(both, last.point, one.beyond):
                     both = replace(both, name="corner")
                 return [
                     *found[:-1],
@@ -180,8 +100,8 @@ def of_no_effect(change: Change, one: PeriodicOrbit, other: PeriodicOrbit) -> bo
 
 
 def collapse_between(
-    walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint, bifurcations: list[Bifurcation]
-) -> tuple[int, list[Bifurcation]] | None:
+    walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint, bifurcations: list[Special]
+) -> tuple[int, list[Special]] | None:
     """Where orbits of several applications of the map shrink onto one of fewer: how many, and what happens to that one.
 
     A doubled branch ends at the flip from which it comes. Its arc goes on, as it must: through a fold to the same
@@ -287,7 +207,7 @@ def _apart(
     return found
 
 
-def _smooth_all(walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint, depth: int = 0) -> list[Bifurcation]:
+def _smooth_all(walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint, depth: int = 0) -> list[Special]:
     """Bifurcations of stability between two points of one itinerary, by halves where the tests miss one.
 
     Two zeros of one test have no change of sign between them, and near a branch point Newton's method may fail: then
@@ -333,7 +253,7 @@ def undecided(here: OrbitPoint, there: OrbitPoint, kind: str) -> bool:
     return any(point.orbit._at_rounding(root) for point in (here, there))
 
 
-def _unnamed(walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint, at: OrbitPoint) -> list[Bifurcation]:
+def _unnamed(walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint, at: OrbitPoint) -> list[Special]:
     """The change of stability between two points, named by the multiplier that is nearest to the unit circle."""
     mu = at.orbit.map_multipliers
     critical = mu[np.argmin(np.abs(np.abs(mu) - 1))]
@@ -346,10 +266,10 @@ def _unnamed(walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint, at: OrbitP
     width = max(abs(walk.value(end) - walk.value(at)) for end in (here, there))
     if not has_multiplier(at.orbit, kind):
         return []
-    return [Bifurcation(kind, walk.name, walk.value(at), width, at.orbit)]
+    return [Special(kind, walk.values(at), at.orbit, width)]
 
 
-def _smooth(walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint) -> tuple[list[Bifurcation], bool]:
+def _smooth(walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint) -> tuple[list[Special], bool]:
     """Bifurcations of stability between two points of one itinerary that change the sign of their tests.
 
     And whether all that change it have earned their name.
@@ -376,11 +296,11 @@ def _smooth(walk: OrbitProblem, here: OrbitPoint, there: OrbitPoint) -> tuple[li
             continue
         # Multipliers and tangents are known to some 1e-10; that over the slope of the test function.
         width = 1e-10 * max(abs(walk.value(there) - walk.value(here)) / abs(b - a), 1.0)
-        bifurcations.append(Bifurcation(kind, walk.name, walk.value(point), width, point.orbit))
-    return sorted(bifurcations, key=lambda b: np.linalg.norm(b.orbit.x - here.orbit.x)), earned
+        bifurcations.append(Special(kind, walk.values(point), point.orbit, width))
+    return sorted(bifurcations, key=lambda b: np.linalg.norm(b.point.x - here.orbit.x)), earned
 
 
-def _at_border(walk: OrbitProblem, left: OrbitPoint, right: OrbitPoint) -> Bifurcation:
+def _at_border(walk: OrbitProblem, left: OrbitPoint, right: OrbitPoint) -> Special:
     """A border that the orbit crosses without an event of its own, as in a condition that an event reads."""
     # Both sides lead to it, each along its own tangent; a branch that turns there has no points between them.
     gap, ways = right.u - left.u, np.column_stack([left.tangent, -right.tangent])
@@ -394,4 +314,4 @@ def _at_border(walk: OrbitProblem, left: OrbitPoint, right: OrbitPoint) -> Bifur
         else (walk.value(left), apart)
     )
     what = Change(BORDER, (), (), 0.0)
-    return Bifurcation(BORDER, walk.name, at, width, left.orbit, what, right.orbit)
+    return Special(BORDER, {walk.name: at}, left.orbit, width, right.orbit, change=what)

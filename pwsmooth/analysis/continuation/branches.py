@@ -9,9 +9,8 @@ Chain: arclength.py, bifurcations.py, equilibrium_branches.py -> **continuation*
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,85 +24,24 @@ from ..orbits.fixed_points import not_repeated
 from ..orbits.itineraries import JUMP
 from ..orbits.periodic_orbit import PeriodicOrbit, none_found
 from .arclength import OrbitPoint, OrbitProblem, in_units, leaves, same_state, unit_along, value_of
-from .bifurcations import Bifurcation, bifurcations_between, collapse_between
-from .branch import _Along
-from .conditions.captures import CAPTURE
-from .equilibria.branch import EquilibriumBranch
+from .bifurcations import bifurcations_between, collapse_between
+from .branch import Branch, branch_of
 from .equilibria.branches import coordinate, follow_equilibrium, value_at
 from .jumps import end_at
+from .special import CAPTURE, Special
 from .steps import Steps
 from .way import Lengths, Way, followed, used_up
 
-__all__ = ["Bifurcation", "Branch", "branch_off"]
+__all__ = ["branch_off"]
 
 
 _COUNTED = 2**62  # steps of a budget that only counts them: an orbit that is begun is ended
 
 
-@checks.door()
-@dataclass(repr=False)
-class Branch(_Along):
-    """Periodic orbits along a parameter.
-
-    Attributes
-    ----------
-    parameter : str
-        Its name.
-    orbits : list of PeriodicOrbit
-        In the order in which they were found.
-    bifurcations : list of Bifurcation
-        In the order in which they were found.
-    end : str
-        Why it ended, in words.
-    places : list of int
-        Of each bifurcation how many of the orbits come before it.
-
-    >>> t, x, a = sp.symbols("t x a", real=True)
-    >>> system = System({x: a * sp.cos(t) - x}, time=t, parameters={a: 1})
-    >>> branch = follow(find_orbit(system, {x: 0}, seen=Strobe(2 * sp.pi)), {a: 2})
-    >>> branch.end, bool(branch.stable.all())
-    ('reached a = 2.', True)
-    >>> print(f"{branch.values[-1]:g} {branch.x[0, -1]:.9f}")
-    2 1.000000000
-    """
-
-    parameter: str
-    orbits: list[PeriodicOrbit] = field(default_factory=list)
-    bifurcations: list[Bifurcation] = field(default_factory=list)
-    end: str = ""
-    places: list[int] = field(default_factory=list)
-
-    _noun, _where = "orbits", " on the section"
-
-    @property
-    def _points(self) -> list[Any]:
-        return self.orbits
-
-    @staticmethod
-    def _at(bifurcation: Any) -> Any:
-        return bifurcation.orbit
-
-    @property
-    def exponents(self) -> np.ndarray:
-        """Lyapunov exponents of the orbits, log|multiplier|/period, shape (number of multipliers, number of orbits).
-
-        Largest first, in units of 1/time; -inf where an orbit sticks or lands, nan where there are no multipliers.
-        """
-        return np.array([orbit.exponents for orbit in self.orbits]).T
-
-    def _columns(self) -> dict[str, Any]:
-        return {
-            "period": [orbit.period for orbit in self.orbits],
-            "stable": self.stable,
-            "largest_multiplier": [abs(orbit.multipliers).max(initial=0.0) for orbit in self.orbits],
-            "largest_exponent": [orbit.exponents.max(initial=-math.inf) for orbit in self.orbits],
-        }
-
-
 def follow_branch(
     start: PeriodicOrbit | Equilibrium, parameter: Any, to: Any, way: int | None, virtual: bool, steps: Steps,
     max_steps: int, max_seconds: float | None,
-) -> Branch | EquilibriumBranch:  # fmt: skip
+) -> Branch:  # fmt: skip
     """The branch of an orbit or an equilibrium over a parameter, or of a set of equilibria along a state."""
     if not start.success:
         raise ValueError(f"`start` did not converge: {start.message}")
@@ -128,7 +66,7 @@ def follow_branch(
             lambda sign: begin_orbits(start, name, ranges, sign, lengths, steps.max_points, bound,
                 lambda way: used_up(way) if _COUNTED - counted.left >= bound.left or bound.late() else ""), signs,
         )  # fmt: skip
-    return Branch(name, [p.orbit for p in found.points], found.specials, " ".join(ends), found.places)
+    return branch_of(found, (name,), ends)
 
 
 def begin_orbits(
@@ -252,15 +190,14 @@ class OrbitWay(Way):
         if found is None:
             self.end = problem.why_ended(here, self.ds)
             return
-        last = Bifurcation(*found[:6], saddles=found.saddles)
-        self.add([last])
-        why = f"{last.at_saddles}." if last.saddles else (
+        self.add([found])
+        why = f"{found.at_saddles}." if found.saddles else (
             "no orbit was found beyond it. `follow` goes on with it over two parameters."
         )  # fmt: skip
-        self.end = f"{last.kind} at {problem.name} = {last.parameter:.10g}: {why}"
+        self.end = f"{found.kind} at {problem.name} = {found.parameter:.10g}: {why}"
 
 
-def _away(problem: OrbitProblem, here: OrbitPoint, there: OrbitPoint, found: list[Bifurcation]) -> OrbitPoint:
+def _away(problem: OrbitProblem, here: OrbitPoint, there: OrbitPoint, found: list[Special]) -> OrbitPoint:
     """The point, its tangent away from a corner on the way to it: beyond an acute one the old tangent tells nothing."""
     corner = next((b.beyond for b in reversed(found) if b.beyond is not None), None)
     if corner is None or there.tangent @ here.tangent >= 0.8:
@@ -271,21 +208,19 @@ def _away(problem: OrbitProblem, here: OrbitPoint, there: OrbitPoint, found: lis
     return replace(there, tangent=-there.tangent) if way @ there.tangent < 0 else there
 
 
-def _collapse_in_words(problem: OrbitProblem, count: int, ends: list[Bifurcation]) -> str:
+def _collapse_in_words(problem: OrbitProblem, count: int, ends: list[Special]) -> str:
     orbits = f"the orbits of {problem.map.count} applications of the map shrink onto one of {count}"
-    kinds = " and ".join(f"{b.kind} at {b.name} = {b.parameter:.10g}" for b in ends)
-    return f"{orbits}: {kinds} of that one, which `bifurcations[-1].orbit` is."
+    kinds = " and ".join(f"{b.kind} at {problem.name} = {b.parameter:.10g}" for b in ends)
+    return f"{orbits}: {kinds} of that one, which `specials[-1].point` is."
 
 
-@checks.door(
-    bifurcation=checks.instance(Bifurcation, "one of a branch's `bifurcations`"), amplitude=checks.nonzero
-)
-def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrbit:
+@checks.door(bifurcation=checks.instance(Special, "one of a branch's `specials`"), amplitude=checks.nonzero)
+def branch_off(bifurcation: Special, amplitude: float = 1e-2) -> PeriodicOrbit:
     """An orbit on the branch that begins at a flip, where the symmetry breaks, or at a branch point.
 
     Parameters
     ----------
-    bifurcation : Bifurcation
+    bifurcation : Special
         Of kind "flip", "symmetry breaking" or "branch point".
     amplitude : float, in the units of the states
         Distance from the old orbit along the critical eigenvector, not 0; the parameter follows from it. The other
@@ -306,12 +241,12 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
     -----
     At a branch point at which both branches cross the plane across the eigenvector it may be one of the stem.
 
-    Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the eigenvector as predictor.
+    Source: Kuznetsov, Elements of Applied Special Theory, for the eigenvector as predictor.
 
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> logistic = System({x: 0 * x}, time=t, parameters={a: 2.8}, events=[Event(every=1, update={x: a * x * (1 - x)})])
     >>> orbit = find_orbit(logistic, {x: 0.6}, seen=Strobe(1, phase=0.5))
-    >>> (flip,) = follow(orbit, {a: 3.3}).bifurcations
+    >>> (flip,) = follow(orbit, {a: 3.3}).specials
     >>> cycle = branch_off(flip, 0.02)
     >>> cycle.success, cycle.map.count, cycle.stable
     (True, 2, True)
@@ -320,12 +255,18 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
         raise ValueError(
             f"`bifurcation` is a {bifurcation.kind}; branches begin at a flip, a symmetry breaking or a branch point."
         )
-    old, beside = bifurcation.orbit, bifurcation.kind == "branch point"
+    old, beside = bifurcation.point, bifurcation.kind == "branch point"
+    if not isinstance(old, PeriodicOrbit):
+        raise ValueError(
+            f"`bifurcation` is a {bifurcation.kind} of no orbit; give one of a branch of orbits, or of a diagram that "
+            "was not read from a file."
+        )
+    ((name, at),) = bifurcation.values.items()
     doubled, x, direction = _critical(old) if beside else _doubled(old)
-    walk = OrbitProblem(doubled, bifurcation.name, 1.0, unit_along(old))
+    walk = OrbitProblem(doubled, name, 1.0, unit_along(old))
     normal = np.append(direction / walk.units, 0.0)
     normal /= np.linalg.norm(normal)
-    begun = np.append(x, bifurcation.parameter) / walk.sizes
+    begun = np.append(x, at) / walk.sizes
     guess = begun + np.append(amplitude * direction, 0.0) / walk.sizes
     point = walk.correct(guess, normal, normal)
     lost = "give another `amplitude`, a smaller one as a rule."
@@ -339,7 +280,7 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
     if beside:
         return orbit
     if orbit.segments is None:
-        once = old.map.with_parameters({bifurcation.name: value_of(orbit, bifurcation.name)})(orbit.x)
+        once = old.map.with_parameters({name: value_of(orbit, name)})(orbit.x)
     else:
         half = orbit.segments.nodes[len(orbit.segments) // 2]
         once = half if (G := getattr(old.map, "symmetry", None)) is None else np.linalg.solve(G, half)

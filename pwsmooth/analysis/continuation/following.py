@@ -14,31 +14,30 @@ from ...door import checks
 from ...paths.budget import MOST_STEPS
 from ..equilibria.equilibrium import Equilibrium
 from ..orbits.periodic_orbit import PeriodicOrbit
-from .bifurcations import BORDER, Bifurcation
-from .branches import Branch, follow_branch
-from .codimension import Codimension2
+from .bifurcations import BORDER
+from .branch import Branch
+from .branches import follow_branch
 from .curves.starts import FOLLOWED
 from .equilibria import curves as of_equilibria
-from .equilibria.branch import EquilibriumBifurcation, EquilibriumBranch
-from .equilibria.curves import EquilibriumCurve
+from .special import Special
 from .steps import Steps
-from .two_parameters import Curve, follow_curve
+from .two_parameters import follow_curve
 
 __all__ = ["follow"]
 
 
 @checks.door(
     start=checks.instance(
-        (PeriodicOrbit, Equilibrium, Bifurcation, EquilibriumBifurcation, Codimension2),
-        "an orbit or an equilibrium, from find_orbit() or find_equilibrium(); over two parameters also a bifurcation "
-        "of a branch, or a Codimension2 of a curve",
+        (PeriodicOrbit, Equilibrium, Special),
+        "an orbit or an equilibrium, from find_orbit() or find_equilibrium(); over two parameters also a special point "
+        "of a branch, a curve or a diagram",
     ),
     over=checks.mapping, way=checks.optional(checks.one_of(1, -1)), virtual=checks.flag,
     kind=checks.optional(checks.one_of(*FOLLOWED, BORDER, *of_equilibria.FOLLOWED)),
     steps=checks.optional(checks.instance(Steps, "Steps(...)")),
 )  # fmt: skip
 def follow(
-    start: PeriodicOrbit | Equilibrium | Bifurcation | EquilibriumBifurcation | Codimension2,
+    start: PeriodicOrbit | Equilibrium | Special,
     over: Mapping[Any, Any],
     *,
     way: int | None = None,
@@ -48,14 +47,15 @@ def follow(
     steps: Steps | None = None,
     max_steps: int = 10 * MOST_STEPS,
     max_seconds: float | None = None,
-) -> Branch | EquilibriumBranch | Curve | EquilibriumCurve:
+) -> Branch:
     """Follow a periodic orbit or an equilibrium over a parameter, or a bifurcation over two.
 
     Parameters
     ----------
-    start : PeriodicOrbit, Equilibrium, Bifurcation, EquilibriumBifurcation or Codimension2
-        The first orbit or equilibrium, converged. Over two parameters: one of a branch's `bifurcations`; an orbit or
-        equilibrium near to one, whose `kind` is given; or one of the `points` of a curve, at which another `begins`.
+    start : PeriodicOrbit, Equilibrium or Special
+        The first orbit or equilibrium, converged. Over two parameters: one of the `specials` of a branch or a diagram;
+        an orbit or equilibrium near to one, whose `kind` is given; or one of the `specials` of a curve, at which
+        another `begins`.
     over : mapping of (str or Symbol) to float or (float, float), in the units of the parameters
         One parameter or two. One with a value: the branch goes from the start to there, and ends where it comes back to
         the value at which it began. With the least and the largest value, which hold that of the start: it goes both
@@ -85,7 +85,7 @@ def follow(
 
     Returns
     -------
-    Branch, EquilibriumBranch, Curve or EquilibriumCurve
+    Branch
         Orbits or equilibria, bifurcations or points of codimension 2, and why it ended.
 
     Raises
@@ -114,7 +114,7 @@ def follow(
     >>> F = sp.Symbol("F", positive=True)
     >>> dry = System({x: v, v: sp.sin(2*t) - x - F*sp.sign(v)}, time=t, parameters={F: 0.3})
     >>> orbit = find_orbit(dry, {x: 1, v: 0.5}, seen=Strobe(sp.pi, symmetry={x: -x, v: -v}))
-    >>> [b.kind for b in follow(orbit, {F: 0.8}, steps=Steps(first=0.1)).bifurcations]
+    >>> [b.kind for b in follow(orbit, {F: 0.8}, steps=Steps(first=0.1)).specials]
     ['crossing-sliding']
 
     The flip of the Henon map, 4 a = 3 (1 - b)**2:

@@ -11,30 +11,25 @@ Chain: curves/ways.py, equilibria/curves.py -> **two_parameters** -> following.p
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ...door import checks
-from ...door.documenting import complete
 from ...paths.budget import Budget, opened, within
 from ..equilibria.equilibrium import Equilibrium
 from ..maps.impacts import FromEvent
-from ..orbits.periodic_orbit import PeriodicOrbit
-from .codimension import Codimension2, Lead
+from .branch import Branch, branch_of
 from .conditions.conditions import Condition
 from .curves.starts import condition_of, given
 from .curves.walk import CurveProblem, Spot
 from .curves.ways import CurveWay
-from .equilibria.curves import EquilibriumCurve, follow_equilibria
-from .plane import InPlane
+from .equilibria.curves import follow_equilibria
+from .special import Lead, Special
 from .steps import Steps
 from .way import followed, used_up
-
-__all__ = ["Codimension2", "Curve"]
 
 _COUNTED = 2**62
 # Of the scaled unknowns: Newton's method is not trusted so far from a start; the steps instead.
@@ -44,66 +39,14 @@ _AMPLITUDES = (0.02, -0.02, 0.06, -0.06, 0.2, -0.2)
 _ASIDE = 1e-4  # of the arc: so far along it is seen whether a curve begins
 
 
-@complete
-@dataclass(repr=False)
-class Curve(InPlane):
-    """A curve of bifurcations in two parameters.
-
-    Attributes
-    ----------
-    kind : str
-        Of the bifurcation, as of `Bifurcation`.
-    parameters : tuple of str
-        The names of both.
-    orbits : list of PeriodicOrbit
-        In order along the curve.
-    points : list of Codimension2
-        Where a second condition holds, in order along the curve.
-    ends : tuple of str
-        Why it ended in either direction, in words; one of them where it closes.
-    turns : list of Codimension2
-        Where it turns back in one of the parameters, in order along the curve; no bifurcations, but the largest and
-        smallest values at which they exist.
-    tests : dict of str to ndarray, each of shape (number of orbits,), dimensionless
-        Functions along the curve that vanish at points of codimension 2, by their names.
-
-    Source: Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, 2000, for the test functions.
-
-    >>> t, x, a, b = sp.symbols("t x a b", real=True)
-    >>> step = Event(every=1, update={x: a - x**2 + b * x})
-    >>> quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
-    >>> (flip,) = follow(find_orbit(quadratic, {x: 0.3}, seen=Strobe(1, phase=0.5)), {a: 1}).bifurcations
-    >>> curve = follow(flip, {a: (-1, 2), b: (-1, 1)})
-    >>> curve.ends
-    ('reached b = -1.', 'reached b = 1.')
-    >>> p, q = curve.values
-    >>> bool(abs(4 * p - (1 + q) * (3 - q)).max() < 1e-8)  # of x = (1 + b)/2
-    True
-    """
-
-    orbits: list[PeriodicOrbit] = field(default_factory=list)
-
-    _noun = "orbits"
-
-    @property
-    def _items(self) -> list[Any]:
-        return self.orbits
-
-    def _columns(self) -> dict[str, Any]:
-        return {
-            "period": [orbit.period for orbit in self.orbits],
-            "largest_multiplier": [abs(orbit.multipliers).max(initial=0.0) for orbit in self.orbits],
-        }
-
-
 def follow_curve(
     start: Any, over: Mapping[Any, Any], kind: str | None, switch: Any, virtual: bool, steps: Steps, max_steps: int,
     max_seconds: float | None,
-) -> Curve | EquilibriumCurve:  # fmt: skip
+) -> Branch:  # fmt: skip
     """The curve of a bifurcation over two parameters, to both sides."""
     lengths, most = steps._lengths(0.01, 0.05, 1e-6), steps.max_points
     budget = opened(max_steps, max_seconds)
-    still = start.orbit if isinstance(start, Codimension2) else getattr(start, "equilibrium", start)
+    still = start.point if isinstance(start, Special) else start
     if isinstance(still, Equilibrium):
         both, bounds = _in_ranges(over, still.system)
         return follow_equilibria(
@@ -132,12 +75,10 @@ def _in_ranges(over: Mapping[Any, Any], system: Any) -> tuple[tuple[str, str], n
     return (names[0], names[1]), bounds
 
 
-def _both_sides(lead, condition, names, bounds, lengths, most, virtual, stops) -> Curve:
-    curve = Curve(condition.kind, names)
+def _both_sides(lead, condition, names, bounds, lengths, most, virtual, stops) -> Branch:
     begun = _begun(lead, condition, names, bounds)
     if isinstance(begun, str):
-        curve.ends = (begun,)
-        return curve
+        return Branch(names, ends=(begun,), kind=condition.kind)
     problem, first = begun
     problem.framed(first)
     if lead.direction is None:  # nearly along the curve itself, the nearest point may be far
@@ -154,12 +95,7 @@ def _both_sides(lead, condition, names, bounds, lengths, most, virtual, stops) -
         return way, here, here
 
     way, ends = followed(begin, (-1.0, 1.0))
-    curve.orbits = [spot.orbit for spot in way.points]
-    curve.points, curve.turns, curve.ends = way.specials, way.turns, tuple(ends)
-    curve.tests = {
-        name: np.array([spot.tests.get(name, math.nan) for spot in way.points]) for name in first.tests
-    }
-    return curve
+    return branch_of(way, names, ends, condition.kind)
 
 
 def _begun(lead: Lead, condition: Condition, names: tuple[str, str], bounds: np.ndarray) -> Any:

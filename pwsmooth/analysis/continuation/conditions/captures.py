@@ -29,10 +29,10 @@ from ...maps.windows import Window, Windowed
 from ...orbits.periodic_orbit import PeriodicOrbit
 from ...orbits.recutting import Cut
 from ...sticking.separatrix import FrozenLayer, frozen, one_state
+from ..special import CAPTURE
 from .conditions import Condition, Place
 from .tangencies import Arrival, AtEvent
 
-CAPTURE = "capture"
 _AT = 1e-5  # of a clearance; beside a jump of the solver's own layer it is some 1e-7
 _UNKNOWN = math.nan
 

@@ -28,10 +28,10 @@ from ...orbits.finding import refine
 from ...orbits.itineraries import JUMP, Change, change_between
 from ...orbits.periodic_orbit import PeriodicOrbit
 from ...orbits.recutting import exact, of_orbit, touched
-from ..codimension import Lead
-from ..conditions.captures import CAPTURE, at_threshold, capture_cut
+from ..conditions.captures import at_threshold, capture_cut
 from ..conditions.conditions import Critical, Place
 from ..conditions.tangencies import DEGENERATE, SIDES, Touch, TwoSided
+from ..special import CAPTURE, Lead
 from .starts import ARRIVALS, EXITS, SMOOTH, TOUCHES, at_event
 from .walk import CurveProblem, Spot
 

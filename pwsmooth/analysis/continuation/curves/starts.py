@@ -17,13 +17,12 @@ from ...maps.windows import PartedImage, Windowed
 from ...orbits.itineraries import CHATTER, Change
 from ...orbits.periodic_orbit import PeriodicOrbit
 from ...orbits.recutting import Cut, of_orbit, touched
-from ..bifurcations import BORDER, Bifurcation
-from ..codimension import Codimension2, Lead
-from ..conditions.captures import CAPTURE, capture_cut, condition_at
+from ..bifurcations import BORDER
+from ..conditions.captures import capture_cut, condition_at
 from ..conditions.chatter import EndOfChatter, accumulates, chatter_cut
 from ..conditions.conditions import BranchPoint, Condition, Critical, Torus
 from ..conditions.tangencies import TOGETHER, Arrival, Border, Exit, LetGo, Touch
-from ..jumps import ADDING
+from ..special import ADDING, CAPTURE, Lead, Special
 
 TOUCHES = ("grazing impact", "grazing", "grazing-sliding", "grazing of an event", "adding-sliding")
 EXITS = ("exit by a fold",)
@@ -55,22 +54,25 @@ def condition_of(lead: Lead, name: str, names: tuple[str, str]) -> Condition:
     return Critical(kind, 1 if kind == "fold" else -1)
 
 
-def given(
-    start: Bifurcation | PeriodicOrbit | Codimension2, kind: str | None, switch: Any
-) -> tuple[Any, str, Lead]:
+def given(start: PeriodicOrbit | Special, kind: str | None, switch: Any) -> tuple[Any, str, Lead]:
     """An orbit, over which parameter it was found, and what the curve begins with."""
     followed = ", ".join(FOLLOWED)
     name, phase = "", None
-    if isinstance(start, Codimension2):
-        return start.orbit, name, start.lead(kind)
-    if isinstance(start, Bifurcation):
+    if isinstance(start, Special) and len(start.values) > 1:
+        return start.point, name, start.lead(kind)
+    if isinstance(start, Special):
         if kind is not None and kind != start.kind:
             raise ValueError(f"`kind` is {kind!r}, but `start` is a {start.kind}; leave `kind` out.")
         if start.kind not in FOLLOWED:
             raise ValueError(f"`start` is a {start.kind}; followed are {followed}.")
-        orbit, kind, name = start.orbit, start.kind, start.name
+        orbit, kind, (name, *_) = start.point, start.kind, start.values
+        if orbit is None:
+            raise ValueError(
+                f"`start` is a {kind} of a diagram that was read, without its orbit; call diagram() with the same "
+                "`store`."
+            )
         if start.kind == CHATTER:
-            rests = accumulates((start.orbit, start.beyond))
+            rests = accumulates((start.point, start.beyond))
             switch = (*start.change.before, *start.change.after)[0].switch  # type: ignore[union-attr]
             bounces = "no contact closes" if rests is None else chatter_cut(rests, switch)
             if isinstance(bounces, str):

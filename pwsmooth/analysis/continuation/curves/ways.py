@@ -19,8 +19,8 @@ from ...orbits.recutting import touched
 from ..arclength import OrbitProblem
 from ..bifurcations import change_enclosed, of_no_effect, undecided
 from ..bracketing import zero_between
-from ..codimension import Codimension2, Lead
-from ..conditions.captures import CAPTURE, at_threshold
+from ..conditions.captures import at_threshold
+from ..special import CAPTURE, Lead, Special
 from ..way import Way
 from .emanating import change_along, leads, leads_of_change, of_capture
 from .starts import SMOOTH, TOUCHES
@@ -113,7 +113,7 @@ class CurveWay(Way):
             self._add(name, spot, why, leads(walk, spot, name))
             if why and not (self.virtual and "virtual" in why):
                 return self.ends_at(spot, f"{name} at {walk.where(spot)}: {why}.")
-        self.turned(here, there, lambda name, spot: Codimension2(name, walk.values(spot), spot.orbit))
+        self.turned(here, there, lambda name, spot: Special(name, walk.values(spot), spot.orbit))
         if there.twin and not here.twin:
             name = f"{walk.condition.kind} twice"
             # Chords lead from one curve to the other there.
@@ -130,7 +130,7 @@ class CurveWay(Way):
         return there
 
     def _add(self, name: str, spot: Spot, note: str = "", begins: tuple[Lead, ...] = ()) -> None:
-        self.add([Codimension2(name, self.problem.values(spot), spot.orbit, note, begins)])
+        self.add([Special(name, self.problem.values(spot), spot.orbit, note=note, leads=begins)])
 
     def _before(self, here: Spot, there: Spot, passed: Callable[[Spot], bool]) -> Spot:
         """The last point before something has been passed, by ever shorter steps."""
@@ -156,7 +156,7 @@ class CurveWay(Way):
         last = spots[-_EXTRAPOLATED:]
         values = dict(zip(self.problem.names, map(float, extrapolated(last, name) * self.problem.scales)))
         where_ = ", ".join(f"{q} = {value:.7g}" for q, value in values.items())
-        self.add([Codimension2(name, values, last[-1].orbit, f"{why} (extrapolated)")])
+        self.add([Special(name, values, last[-1].orbit, note=f"{why} (extrapolated)")])
         return f"{name} at {where_} (extrapolated): {why}."
 
     def _run_out(self) -> bool:

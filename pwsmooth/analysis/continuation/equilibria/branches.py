@@ -23,8 +23,9 @@ from ....door import checks
 from ...equilibria.boundary_cycles import cycle_born
 from ...equilibria.equilibrium import Equilibrium
 from ...equilibria.statics import RANK, ROUNDING, beyond
+from ..branch import Branch, branch_of
+from ..special import Special
 from ..way import Lengths, Way, followed
-from .branch import EquilibriumBifurcation, EquilibriumBranch
 from .problem import EquilibriumPoint, EquilibriumProblem
 from .tests import between
 
@@ -34,7 +35,7 @@ _MOST_MODES = 50  # of a branch: changes of mode
 def follow_equilibrium(
     e: Equilibrium, name: str, ranges: tuple[float, float], signs: tuple[float, ...], lengths: Lengths, most: int,
     virtual: bool, stops: Callable[[Way], str],
-) -> EquilibriumBranch:  # fmt: skip
+) -> Branch:  # fmt: skip
     """The branch of an equilibrium over a parameter, or of a set of them along a state (branches.follow_branch)."""
 
     def begin(sign: float) -> tuple[EquilibriumWay, EquilibriumPoint, EquilibriumPoint]:
@@ -47,9 +48,7 @@ def follow_equilibrium(
         return way, replace(first, equilibrium=e), first
 
     way, ends = followed(begin, signs)
-    return EquilibriumBranch(
-        name, [p.equilibrium for p in way.points], way.specials, " ".join(ends), way.places
-    )
+    return branch_of(way, (name,), ends)
 
 
 def coordinate(e: Equilibrium, parameter: Any) -> str:
@@ -85,7 +84,7 @@ class EquilibriumWay(Way):
     modes = 0
 
     def met(self, here: EquilibriumPoint, there: EquilibriumPoint) -> EquilibriumPoint | None:
-        problem, found = self.problem, list[EquilibriumBifurcation]()
+        problem, found = self.problem, list[Special]()
         crossed = _crossed(here, there)
         leaving = [j for j in crossed if here.margins[j] >= -here.on[j]]
         if leaving and not self.virtual:
@@ -111,7 +110,7 @@ class EquilibriumWay(Way):
         self.modes += 1
         if self.beside is not None and not both and self.modes <= _MOST_MODES:
             return point
-        why = "two surfaces are met at once." if both else f"{bifurcation.what}."
+        why = "two surfaces are met at once." if both else f"{bifurcation.note}."
         return self.ends_at(point, f"{bifurcation.kind} at {problem.where(point)}: {why}")
 
     def moved_on(self, there: EquilibriumPoint) -> EquilibriumPoint:
@@ -148,7 +147,7 @@ def _border(
 
 def _boundary(
     walk: EquilibriumProblem, point: EquilibriumPoint, j: int, width: float
-) -> tuple[EquilibriumBifurcation, tuple[EquilibriumProblem, EquilibriumPoint] | None]:
+) -> tuple[Special, tuple[EquilibriumProblem, EquilibriumPoint] | None]:
     """The boundary equilibrium at a point, and the walk and first point of the mode beside, where there is one."""
     e = point.equilibrium
     mu = e.system.model.multipliers[j]
@@ -172,7 +171,7 @@ def _boundary(
     sides = (*e.sides[:j], new, *e.sides[j + 1 :])
     beside = replace(e, mult=mult, sides=sides, message="")
     cycle = None if walk.along_state else cycle_born(e, j)
-    bifurcation = EquilibriumBifurcation(kind, walk.name, walk.value(point), width, e, None, what, cycle=cycle)
+    bifurcation = Special(kind, walk.values(point), e, width, note=what, cycle=cycle)
     if walk.along_state:
         return bifurcation, None
     after = walk.in_mode_of(beside)
@@ -182,7 +181,7 @@ def _boundary(
         or there.equilibrium.residual > 1e3 * ROUNDING
         or not (there.alone and there.equilibrium.isolated)
     ):
-        return replace(bifurcation, what=what + ", and what lies beyond is no single equilibrium"), None
+        return replace(bifurcation, note=what + ", and what lies beyond is no single equilibrium"), None
     if there.slopes[j] < 0:
         there = after.point(after.first, -there.tangent)
         assert there is not None

@@ -20,13 +20,11 @@ from ....definition.regularity import total_derivative
 from ...equilibria.disc_modes import held as held_in
 from ...equilibria.equilibrium import Equilibrium
 from ...equilibria.stability import lyapunov_coefficient
-from .branch import EquilibriumBifurcation
+from ..special import Special
 from .problem import EquilibriumPoint, EquilibriumProblem
 
 
-def between(
-    walk: EquilibriumProblem, here: EquilibriumPoint, there: EquilibriumPoint
-) -> list[EquilibriumBifurcation]:
+def between(walk: EquilibriumProblem, here: EquilibriumPoint, there: EquilibriumPoint) -> list[Special]:
     """Bifurcations between two points of one mode."""
     tests: dict[str, Callable[[EquilibriumPoint], float]] = {"fold": lambda p: float(p.tangent[walk.place])}
     if not walk.along_state:
@@ -37,7 +35,7 @@ def between(
     for event in walk.statics.system.model.events:
         if event.surface is not None and not event.singular:
             tests[f"event {event.name}"] = _event_surface(event.surface)
-    found: list[EquilibriumBifurcation] = []
+    found: list[Special] = []
     for kind, test in tests.items():
         a, b = test(here), test(there)
         if not a * b < 0:
@@ -52,34 +50,34 @@ def between(
     near = [b for b in found if b.kind == "fold" and any(abs(b.parameter - c.parameter) <= 1e-7 * walk.sizes[walk.place]
                                                          for c in layer)]  # fmt: skip
     found = [b for b in found if b not in near]
-    return sorted(found, key=lambda b: float(np.linalg.norm(b.equilibrium.x - here.equilibrium.x)))
+    return sorted(found, key=lambda b: float(np.linalg.norm(b.point.x - here.equilibrium.x)))
 
 
 def _named(
     walk: EquilibriumProblem, kind: str, here: EquilibriumPoint, point: EquilibriumPoint, width: float
-) -> EquilibriumBifurcation | None:
+) -> Special | None:
     e = point.equilibrium
-    made_ = EquilibriumBifurcation(kind, walk.name, walk.value(point), width, e)
+    made_ = Special(kind, walk.values(point), e, width)
     if kind == "Hopf":
         w = _critical(e.eigenvalues)
         if w is None:
             return None  # a neutral saddle: two real eigenvalues of opposite sign
         if e.linear.joined is not None:
             what = "half a turn on either side of the kink multiplies to 1"
-            return replace(made_, kind="Hopf", frequency=w, what=what)
+            return replace(made_, kind="Hopf", frequency=w, note=what)
         kind = "sliding Hopf" if "pseudo" in e.kind else "Hopf"
         l1 = lyapunov_coefficient(e.system, e.x, e.mult, e.sides)
         return replace(made_, kind=kind, frequency=w, lyapunov=l1)
     if kind == "layer Hopf":
         w = _critical(e.layer_eigenvalues)
         return (
-            None if w is None else replace(made_, what=f"{', '.join(e.held)} begin to oscillate in the layer")
+            None if w is None else replace(made_, note=f"{', '.join(e.held)} begin to oscillate in the layer")
         )
     if kind == "layer":
         name, what = _layer_kind(e)
-        return replace(made_, kind=name, what=what)
+        return replace(made_, kind=name, note=what)
     if kind.startswith("event "):
-        return replace(made_, kind="surface of an event", what=f"the surface of {kind[6:]} is met")
+        return replace(made_, kind="surface of an event", note=f"the surface of {kind[6:]} is met")
     return made_
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from ...equilibria.equilibrium import Equilibrium, made
 from ...equilibria.statics import Statics, beyond
 from ..bracketing import zero_between
-from ..codimension import Codimension2, Lead
+from ..special import Lead, Special
 from ..way import Way
 from .conditions import BOUNDARY, Boundary, EquilibriumCondition, Hopf
 from .problem import EquilibriumPoint, EquilibriumProblem
@@ -86,10 +86,10 @@ class EquilibriumCurveWay(Way):
                 name = f"{condition.kind} + {BOUNDARY}" if condition.kind != BOUNDARY else f"{BOUNDARY} twice"
                 why = "beyond it the equilibrium is virtual" if a > 0 and not self.virtual else ""
                 found.append((at, name, why, self._leads(name, at, j)))
-        self.turned(here, there, lambda name, at: Codimension2(name, problem.values(at), at.equilibrium))
+        self.turned(here, there, lambda name, at: Special(name, problem.values(at), at.equilibrium))
         chord = there.u - here.u
         for at, name, why, leads in sorted(found, key=lambda one: (one[0].u - here.u) @ chord):
-            self.add([Codimension2(name, problem.values(at), at.equilibrium, why, leads)])
+            self.add([Special(name, problem.values(at), at.equilibrium, note=why, leads=leads)])
             if why:
                 return self.ends_at(at, f"{name} at {problem.where(at)}: {why}.")
         return there
