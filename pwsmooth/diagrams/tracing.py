@@ -22,7 +22,7 @@ from ..analysis.continuation.equilibria.hopf import cycle_from
 from ..analysis.continuation.equilibria.sliding_cycle import cycle_beside
 from ..analysis.continuation.following import follow
 from ..analysis.continuation.steps import Steps
-from ..analysis.continuation.way import CLOSED, Way
+from ..analysis.continuation.way import CLOSED, How, Way
 from ..analysis.equilibria.equilibrium import Equilibrium
 from ..analysis.orbits.periodic_orbit import PeriodicOrbit
 from ..paths.budget import Budget, within
@@ -199,12 +199,12 @@ def _one_way(
                 told.append(f"{SHRINKS} at {name} = {entries[-1].q:.10g}.")
         return told[0] if told else ""
 
-    sign, lengths = 1.0 if to == bounds[1] else -1.0, steps._lengths(*USUAL)
+    sign, how = 1.0 if to == bounds[1] else -1.0, How(steps._lengths(*USUAL), steps.max_points, stops)
     with within(budget):
-        way, *first = begin_orbits(orbit, name, bounds, sign, lengths, steps.max_points, None, stops)
+        way, *first = begin_orbits(orbit, name, bounds, sign, how)
         way.follow(*first)
     stops(way)
-    branch, end = branch_of(way, (name,), (way.end,)), way.end
+    branch, end = branch_of(way, (way.end,), (name,)), way.end
     if told and told[0] == CLOSED:
         entries[-1] = entries[0]
         return _entries_of(branch, entries, setting, name, bifurcations), CLOSED

@@ -44,8 +44,9 @@ class Branch(Described):
     turns : list of Special
         Where a curve turns back in one of the parameters, in order along it; no bifurcations, but the largest and
         smallest values at which they exist.
-    tests : dict of str to ndarray, each of shape (number of points,), dimensionless
-        Of a curve: functions along it that vanish at points of codimension 2, by their names.
+    tests : dict of str to ndarray, each of shape (number of points,)
+        Values along the branch of the user's own tests; of a curve also of the functions, dimensionless, that vanish at
+        points of codimension 2, by the names of these.
     places : list of int
         Of each special point how many of the points come before it.
 
@@ -258,11 +259,11 @@ class Branch(Described):
         }.items()
 
 
-def branch_of(way: Any, parameters: tuple[str, ...], ends: Sequence[str], kind: str = "") -> Branch:
+def branch_of(way: Any, ends: Sequence[str], parameters: tuple[str, ...], kind: str = "") -> Branch:
     """The branch that was followed; of a curve with its kind."""
-    names = way.points[0].tests if kind else ()
+    points, names = [point.item for point in way.points], way.points[0].tests if kind else ()
     tests = {name: np.array([p.tests.get(name, math.nan) for p in way.points]) for name in names}
-    points = [point.item for point in way.points]
+    tests |= {name: np.array([test(point) for point in points]) for name, test in way.how.tests.items()}
     return Branch(parameters, points, way.specials, tuple(ends), kind, way.turns, tests, way.places)
 
 

@@ -9,14 +9,12 @@ Chain: arclength.py, bifurcations.py, equilibrium_branches.py -> **continuation*
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ...door import checks
-from ...paths.budget import Budget, opened, within
 from ..equilibria.equilibrium import Equilibrium
 from ..maps.sections import Stroboscopic, depends_on_time
 from ..maps.symmetry import repeats_in
@@ -29,19 +27,14 @@ from .branch import Branch, branch_of
 from .equilibria.branches import coordinate, follow_equilibrium, value_at
 from .jumps import end_at
 from .special import CAPTURE, Special
-from .steps import Steps
-from .way import Lengths, Way, followed, used_up
+from .way import How, Way, followed, used_up
 
 __all__ = ["branch_off"]
 
 
-_COUNTED = 2**62  # steps of a budget that only counts them: an orbit that is begun is ended
-
-
 def follow_branch(
-    start: PeriodicOrbit | Equilibrium, parameter: Any, to: Any, way: int | None, virtual: bool, steps: Steps,
-    max_steps: int, max_seconds: float | None,
-) -> Branch:  # fmt: skip
+    start: PeriodicOrbit | Equilibrium, parameter: Any, to: Any, way: int | None, how: How
+) -> Branch:
     """The branch of an orbit or an equilibrium over a parameter, or of a set of equilibria along a state."""
     if not start.success:
         raise ValueError(f"`start` did not converge: {start.message}")
@@ -49,35 +42,27 @@ def follow_branch(
         name = coordinate(start, parameter)
         at = value_at(start, name)
     else:
-        if virtual:
+        if how.virtual:
             raise ValueError(
                 "`virtual` is for equilibria; orbits are trajectories of the exact system. Leave it out."
             )
         name = checks.lookup(parameter, start.system.parameters, "`over`", "parameter").name
         start = _by_shorter_periods(start)
         at = value_of(start, name)
-    lengths, bound = steps._lengths(0.02, 0.1, 1e-7), opened(max_steps, max_seconds)
     ranges, signs = _ways(name, at, to, way)
     if isinstance(start, Equilibrium):
-        return follow_equilibrium(start, name, ranges, signs, lengths, steps.max_points, virtual,
-                                  lambda way: used_up(way) if bound.late() else "")  # fmt: skip
-    with within(Budget(_COUNTED)) as counted:
-        found, ends = followed(
-            lambda sign: begin_orbits(start, name, ranges, sign, lengths, steps.max_points, bound,
-                lambda way: used_up(way) if _COUNTED - counted.left >= bound.left or bound.late() else ""), signs,
-        )  # fmt: skip
-    return branch_of(found, (name,), ends)
+        return follow_equilibrium(start, name, ranges, signs, how)
+    return branch_of(*followed(lambda sign: begin_orbits(start, name, ranges, sign, how), signs), (name,))
 
 
 def begin_orbits(
-    orbit: PeriodicOrbit, name: str, ranges: tuple[float, float], sign: float, lengths: Lengths, most: int,
-    until: Budget | None, stops: Callable[[Way], str],
-) -> tuple[OrbitWay, OrbitPoint, OrbitPoint]:  # fmt: skip
+    orbit: PeriodicOrbit, name: str, ranges: tuple[float, float], sign: float, how: How
+) -> tuple[OrbitWay, OrbitPoint, OrbitPoint]:
     """The way to larger (1) or smaller (-1) values, its first point, and that on a section away from events."""
     problem = OrbitProblem(orbit, name, ranges[1] - ranges[0], ranges=ranges)
-    problem.until = until
+    problem.until = how.until
     first = problem.point(orbit, np.append(np.zeros(len(orbit.x)), sign))
-    return OrbitWay(problem, lengths, most, stops), first, problem.rephased(first)
+    return OrbitWay(problem, how), first, problem.rephased(first)
 
 
 def _ways(name: str, at: float, to: Any, way: int | None) -> tuple[tuple[float, float], tuple[float, ...]]:
@@ -183,7 +168,7 @@ class OrbitWay(Way):
     def lost(self, here: OrbitPoint) -> None:
         """Why no step leads on, in words; what the branch ends at, if that has a name, is its last special point."""
         problem = self.problem
-        if self.stops(self) or problem.late():
+        if self.how.stops(self) or problem.late():
             self.end = used_up(self)
             return
         found = end_at(problem, here, 100 * self.ds * problem.scale)

@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 from ...door import checks
-from ...paths.budget import Budget, opened, within
 from ..equilibria.equilibrium import Equilibrium
 from ..maps.impacts import FromEvent
 from .branch import Branch, branch_of
@@ -28,10 +27,8 @@ from .curves.walk import CurveProblem, Spot
 from .curves.ways import CurveWay
 from .equilibria.curves import follow_equilibria
 from .special import Lead, Special
-from .steps import Steps
-from .way import followed, used_up
+from .way import How, followed
 
-_COUNTED = 2**62
 # Of the scaled unknowns: Newton's method is not trusted so far from a start; the steps instead.
 _FAR, _PARTS = 0.1, 10
 # Of the states' size, to both sides: at which what is born at a point is looked for.
@@ -39,26 +36,14 @@ _AMPLITUDES = (0.02, -0.02, 0.06, -0.06, 0.2, -0.2)
 _ASIDE = 1e-4  # of the arc: so far along it is seen whether a curve begins
 
 
-def follow_curve(
-    start: Any, over: Mapping[Any, Any], kind: str | None, switch: Any, virtual: bool, steps: Steps, max_steps: int,
-    max_seconds: float | None,
-) -> Branch:  # fmt: skip
+def follow_curve(start: Any, over: Mapping[Any, Any], kind: str | None, switch: Any, how: How) -> Branch:
     """The curve of a bifurcation over two parameters, to both sides."""
-    lengths, most = steps._lengths(0.01, 0.05, 1e-6), steps.max_points
-    budget = opened(max_steps, max_seconds)
     still = start.point if isinstance(start, Special) else start
     if isinstance(still, Equilibrium):
-        both, bounds = _in_ranges(over, still.system)
-        return follow_equilibria(
-            start, kind, both, bounds, lengths, most, virtual, lambda way: used_up(way) if budget.late() else ""
-        )
+        return follow_equilibria(start, kind, *_in_ranges(over, still.system), how)
     orbit, name, lead = given(start, kind, switch)
-    both, bounds = _in_ranges(over, orbit.system)
-    with within(Budget(_COUNTED)) as counted:
-        return _both_sides(
-            lead, condition_of(lead, name, both), both, bounds, lengths, most, virtual,
-            lambda way: used_up(way) if _COUNTED - counted.left >= budget.left or budget.late() else "",
-        )  # fmt: skip
+    names, ranges = _in_ranges(over, orbit.system)
+    return _both_sides(lead, condition_of(lead, name, names), names, ranges, how)
 
 
 def _in_ranges(over: Mapping[Any, Any], system: Any) -> tuple[tuple[str, str], np.ndarray]:
@@ -75,7 +60,7 @@ def _in_ranges(over: Mapping[Any, Any], system: Any) -> tuple[tuple[str, str], n
     return (names[0], names[1]), bounds
 
 
-def _both_sides(lead, condition, names, bounds, lengths, most, virtual, stops) -> Branch:
+def _both_sides(lead, condition, names, bounds, how) -> Branch:
     begun = _begun(lead, condition, names, bounds)
     if isinstance(begun, str):
         return Branch(names, ends=(begun,), kind=condition.kind)
@@ -89,13 +74,12 @@ def _both_sides(lead, condition, names, bounds, lengths, most, virtual, stops) -
     def begin(sign: float) -> tuple[CurveWay, Spot, Spot]:
         side, here = copy.copy(problem), replace(first, tangent=sign * first.tangent)
         side.condition = copy.deepcopy(problem.condition)
-        way = CurveWay(side, lengths, most, stops, virtual)
+        way = CurveWay(side, how)
         if lead.begins:
-            way.born, way.end = here, _begins(side, here, lead, virtual)
+            way.born, way.end = here, _begins(side, here, lead, how.virtual)
         return way, here, here
 
-    way, ends = followed(begin, (-1.0, 1.0))
-    return branch_of(way, names, ends, condition.kind)
+    return branch_of(*followed(begin, (-1.0, 1.0)), names, condition.kind)
 
 
 def _begun(lead: Lead, condition: Condition, names: tuple[str, str], bounds: np.ndarray) -> Any:

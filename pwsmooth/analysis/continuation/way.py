@@ -9,27 +9,44 @@ Chain: problem.py, bracketing.py -> **way** -> branches.py, two_parameters.py, e
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...paths.budget import Budget
 from .bracketing import zero_between
+from .special import Special
 
 CLOSED = "it closes."
 _SHORTER = 0.3
 _TURNS = 1e-7  # of a unit tangent: what is less may be a rounding
-Lengths = tuple[float, ...]  # of the first, the longest and the shortest step
+_LEFT = 0.01  # of the values beside it: what a test function is at a zero, where it does not jump
+
+
+class How(NamedTuple):
+    """How a branch is followed.
+
+    `lengths` of the first, the longest and the shortest step, `most` points to a side, `stops(way)` why it ends early
+    in words, `virtual` points too, `tests` of the user's own by name, the budget `until` whose time is up.
+    """
+
+    lengths: tuple[float, ...]
+    most: int
+    stops: Callable[[Way], str]
+    virtual: bool = False
+    tests: Mapping[str, Callable[[Any], float]] = MappingProxyType({})
+    until: Budget | None = None
 
 
 class Way:
     """A branch to one side: `points` (of the problem), `specials` and how many points come before each, `turns`."""
 
-    def __init__(
-        self, problem: Any, lengths: Lengths, most: int, stops: Callable[[Way], str], virtual: bool = False
-    ) -> None:
-        self.problem, self.most, self.stops, self.virtual = problem, most, stops, virtual
-        self.first, self.longest, self.shortest = min(lengths[0], lengths[1]), lengths[1], lengths[2]
+    def __init__(self, problem: Any, how: How) -> None:
+        self.problem, self.how, self.virtual = problem, how, how.virtual
+        step, self.longest, self.shortest = how.lengths
+        self.first = min(step, self.longest)
         self.points: list[Any] = []
         self.specials: list[Any] = []
         self.places: list[int] = []
@@ -80,10 +97,10 @@ class Way:
         here, looked_at = first if here is None else here, None
         while not self.end:
             problem = self.problem  # another one where the mode has changed
-            if len(self.points) >= self.most:
+            if len(self.points) >= self.how.most:
                 self.end = f"stopped after {len(self.points)} {problem.nouns} (`max_points`)."
             else:
-                self.end = self.stops(self)
+                self.end = self.how.stops(self)
             if not self.end and not here.alone:
                 self.end = (
                     f"at {problem.where(here)} the {problem.noun} is not isolated: many exist at one value, or two "
@@ -103,7 +120,11 @@ class Way:
                 there = self.around(here)
             if there is not None:
                 there, border = problem.within(here, there)
+            points, specials = len(self.points), len(self.specials)
             met = None if there is None else self.met(here, there)
+            last = self.points[-1] if len(self.points) > points else met  # where it ends on the way, or the next one
+            if self.how.tests and last is not None:
+                self._tested(here, last, points, specials)
             if self.end:
                 break
             if met is None:
@@ -118,6 +139,23 @@ class Way:
             if not self.end:
                 here = self.moved_on(met)
         return self
+
+    def _tested(self, here: Any, there: Any, points: int, specials: int) -> None:
+        """Adds zeros of the user's tests on the way from one point to the next, in order with what was met there."""
+        problem, found, at_first = self.problem, list[Special](), here.item
+        for name, test in self.how.tests.items():
+            a, b = test(here.item), test(there.item)
+            if not a * b < 0:
+                continue
+            point = zero_between(problem, here, there, lambda p, test=test: test(p.item), 1e-12)  # type: ignore[misc]
+            if point is not None and abs(test(point.item)) <= _LEFT * (abs(a) + abs(b)):  # else it jumps
+                width = 1e-10 * (abs(problem.value(point)) + abs(problem.value(there) - problem.value(here)))
+                found.append(Special(name, problem.values(point), point.item, width))
+        if found:
+            self.places += [points] * len(found)
+            self.specials[specials:] = sorted(
+                self.specials[specials:] + found, key=lambda b: float(np.linalg.norm(b.point.x - at_first.x))
+            )
 
     def add(self, specials: Sequence[Any]) -> None:
         """Special points behind the last point."""

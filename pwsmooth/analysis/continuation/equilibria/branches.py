@@ -13,7 +13,6 @@ Chain: problem.py, tests.py, way.py -> **branches** -> continuation/branches.py.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -25,7 +24,7 @@ from ...equilibria.equilibrium import Equilibrium
 from ...equilibria.statics import RANK, ROUNDING, beyond
 from ..branch import Branch, branch_of
 from ..special import Special
-from ..way import Lengths, Way, followed
+from ..way import How, Way, followed
 from .problem import EquilibriumPoint, EquilibriumProblem
 from .tests import between
 
@@ -33,9 +32,8 @@ _MOST_MODES = 50  # of a branch: changes of mode
 
 
 def follow_equilibrium(
-    e: Equilibrium, name: str, ranges: tuple[float, float], signs: tuple[float, ...], lengths: Lengths, most: int,
-    virtual: bool, stops: Callable[[Way], str],
-) -> Branch:  # fmt: skip
+    e: Equilibrium, name: str, ranges: tuple[float, float], signs: tuple[float, ...], how: How
+) -> Branch:
     """The branch of an equilibrium over a parameter, or of a set of them along a state (branches.follow_branch)."""
 
     def begin(sign: float) -> tuple[EquilibriumWay, EquilibriumPoint, EquilibriumPoint]:
@@ -44,11 +42,10 @@ def follow_equilibrium(
         direction[problem.place] = sign
         first = problem.point(problem.first, direction)
         assert first is not None
-        way = EquilibriumWay(problem, lengths, most, stops, virtual)
+        way = EquilibriumWay(problem, how)
         return way, replace(first, equilibrium=e), first
 
-    way, ends = followed(begin, signs)
-    return branch_of(way, (name,), ends)
+    return branch_of(*followed(begin, signs), (name,))
 
 
 def coordinate(e: Equilibrium, parameter: Any) -> str:

@@ -11,7 +11,6 @@ Chain: equilibrium_ways.py, equilibrium_branches.py -> **equilibrium_curves** ->
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -20,7 +19,7 @@ import numpy as np
 from ...equilibria.equilibrium import Equilibrium
 from ..branch import Branch, branch_of
 from ..special import Special
-from ..way import Lengths, Way, followed
+from ..way import How, followed
 from .conditions import BOUNDARY, HOPF, LAYER, Boundary, EquilibriumCondition, Fold, Hopf, Layer
 from .problem import EquilibriumPoint, EquilibriumProblem
 from .ways import EquilibriumCurveWay, beyond_border
@@ -59,9 +58,8 @@ def _of_kind(kind: str, e: Equilibrium, event: Any) -> EquilibriumCondition:
 
 
 def follow_equilibria(
-    start: Any, kind: str | None, names: tuple[str, str], ranges: np.ndarray, lengths: Lengths, most: int,
-    virtual: bool, stops: Callable[[Way], str],
-) -> Branch:  # fmt: skip
+    start: Any, kind: str | None, names: tuple[str, str], ranges: np.ndarray, how: How
+) -> Branch:
     """The curve of a bifurcation of equilibria, to both sides (two_parameters.follow_curve)."""
     e, condition, begins = _condition(start, kind)
     problem = EquilibriumProblem(e, names, ranges, condition)
@@ -76,9 +74,8 @@ def follow_equilibria(
     def begin(sign: float) -> tuple[EquilibriumCurveWay, EquilibriumPoint, EquilibriumPoint]:
         side, here = copy.copy(problem), replace(first, tangent=sign * first.tangent)
         side.condition = copy.deepcopy(condition)
-        way = EquilibriumCurveWay(side, lengths, most, stops, virtual)
+        way = EquilibriumCurveWay(side, how)
         way.begins = begins
         return way, here, here
 
-    way, ends = followed(begin, (-1.0, 1.0))
-    return branch_of(way, names, ends, condition.kind)
+    return branch_of(*followed(begin, (-1.0, 1.0)), names, condition.kind)
