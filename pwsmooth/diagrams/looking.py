@@ -144,7 +144,7 @@ class Looking:
                 for line in search.lines
             ):
                 search.tree(task, f"equilibrium at {name} = {task['start']['parameters'][name]:.9g}")
-        tell(f"the orbit diagram over {name}")
+        tell(f"the orbit diagram over {name}: {self.values} values, starts {len(self.x0)}")
         ends = self.ends(name, bounds, values, sweeps)
         explained = np.zeros((0, 0), np.int64)
         if ends is not None:

@@ -71,6 +71,7 @@ class Growing:
                 return
             self.work.ask(itertools.islice(self.tasks(starts[number:]), self.work.workers.ahead))
             b, *_ = start
+            self.tell(f"curve {len(self.found) + 1}, of a {b['kind']}; {len(starts) - number} starts left")
             item = self.work.result(self.task(b))
             at = self.at(*start)
             origin = f"{b['kind']} at {self.names[0]} = {at[0]:.9g}, {self.names[1]} = {at[1]:.9g}"
@@ -80,7 +81,6 @@ class Growing:
             curve = Grown(item["arrays"], item["about"], origin)
             if not self.same(curve):
                 self.found.append(curve)
-            self.tell(f"{len(self.found)} curves")
 
     def tasks(self, starts: Any) -> Iterator[Task]:
         return (self.task(start[0]) for start in starts if not self.known(*start))

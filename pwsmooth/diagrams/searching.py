@@ -138,11 +138,12 @@ class Search:
             if depth > self.max_depth:
                 self.left += 1
                 continue
+            waiting = f", {len(queue)} waiting" if queue else ""
+            self.tell(f"branch {len(self.lines) + 1} over {self.name}, from {origin}{waiting}")
             item = self.work.result(task)
             line = self._kept(item, origin, depth, root)
             if line is not None:
                 queue += self._children(line)
-            self.tell(f"{len(self.lines)} branches over {self.name}, {len(queue)} waiting")
 
     def _kept(self, item: dict[str, Any], origin: str, depth: int, root: Any) -> Line | None:
         """The branch, if there is one that is not known."""

@@ -290,6 +290,14 @@ def test_a_diagram_is_the_same_from_its_store_and_from_what_was_saved(tmp_path, 
             tool(found.specials[0])
 
 
+def test_a_diagram_says_what_it_is_doing(capsys):
+    diagram(LOGISTIC, {a: (2.9, 3.2)}, {x: 0.3}, STROBED, values=2, work=Work(progress=True))
+    said = capsys.readouterr().err
+    assert "the orbit diagram over a: 2 values" in said and "branch 2 over a, from flip at a = 3\n" in said
+    diagram(LOGISTIC, {a: (2.9, 3.2)}, {x: 0.3}, STROBED, values=2, work=Work(progress=False))
+    assert capsys.readouterr().err == ""
+
+
 def test_what_a_diagram_finds_leads_on_like_what_a_branch_finds():
     quadratic = mapped({x: a - x**2 + b * x}, a=0.5, b=0.0)
     found = diagram(quadratic, {a: (-1, 1)}, {x: 0.1}, STROBED, values=6)
