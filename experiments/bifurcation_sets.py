@@ -57,7 +57,7 @@ from pwsmooth import Strobe, diagram, follow, sweep
 from pwsmooth.analysis.continuation import Steps
 from pwsmooth.analysis.maps import Stroboscopic
 from pwsmooth.analysis.orbits import refine
-from pwsmooth.diagrams.growing import Grown
+from pwsmooth.diagrams.line import Line
 from pwsmooth.plotting import new_figure
 from pwsmooth.studies import Period, Points, Work
 
@@ -198,7 +198,7 @@ def borders(orbit, names, ranges) -> list[tuple[str, dict, str]]:
 
 def distance(curves: list[dict], at: np.ndarray, name: str) -> float:
     """Of a point of the plane to the nearest curve, in parts of the ranges."""
-    lines = (Grown({"values": np.array(curve["values"])}, {}) for curve in curves)
+    lines = (Line({"values": np.array(curve["values"])}, {}) for curve in curves)
     return min((line.distance(at, np.ptp(SETS[name][2], axis=1))[0] for line in lines), default=np.inf)
 
 

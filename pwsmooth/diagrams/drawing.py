@@ -71,7 +71,7 @@ def draw_diagram(diagram: Any, k: int, ax: Any) -> None:
                     label = style if style not in drawn else None
                     drawn.add(style)
                     ax.plot(
-                        branch.q[piece], rows[piece, turn, k], linestyle=LINE[style], color=COLOUR["exact"],
+                        branch.values[piece], rows[piece, turn, k], linestyle=LINE[style], color=COLOUR["exact"],
                         linewidth=1.2 if style == "stable" else 0.9, label=label, zorder=2,
                     )  # fmt: skip
     found = diagram._located

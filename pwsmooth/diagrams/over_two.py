@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from ..door import checks
-from .growing import Grown, condition_of
+from .growing import condition_of
+from .line import Line
 from .result import Diagram
 from .searching import bare
 from .tasks import Task, Tasks
@@ -51,7 +52,7 @@ class Growing:
         self.common = {
             "ranges": dict(zip(names, map(list, bounds))), "most": max_points, "virtual": virtual,
         }  # fmt: skip
-        self.found: list[Grown] = []
+        self.found: list[Line] = []
         self.lost: list[str] = []
 
     def grow(self, diagrams: list[Diagram], held: list[tuple[str, float]]) -> None:
@@ -78,7 +79,7 @@ class Growing:
             if item["about"]["lost"]:
                 self.lost.append(f"{origin}: {item['about']['lost']}")
                 continue
-            curve = Grown(item["arrays"], item["about"], origin)
+            curve = Line(item["arrays"], item["about"], origin)
             if not self.same(curve):
                 self.found.append(curve)
 
@@ -96,16 +97,16 @@ class Growing:
         at = self.at(b, name, line)
         kind = condition_of(b)
         return any(
-            curve.holds(kind, at, np.asarray(b["points"]), self.widths, self.work.setting)
+            curve.meets(kind, at, np.asarray(b["points"]), self.widths, self.work.setting)
             for curve in self.found
         )
 
-    def same(self, curve: Grown) -> bool:
+    def same(self, curve: Line) -> bool:
         """Whether a curve is one that is known, of which two of its points say so."""
         number = curve.values.shape[1]
         return any(
             all(
-                known.holds(
+                known.meets(
                     curve.kind, curve.values[:, k], curve.arrays["points"][k], self.widths, self.work.setting
                 )
                 for k in (number // 3, (2 * number) // 3)

@@ -5,7 +5,6 @@ Chain: searching.py, drawing.py -> **result** -> looking.py.
 
 from __future__ import annotations
 
-import copy
 import functools
 from collections import Counter
 from dataclasses import dataclass
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["Diagram"]
 
 TITLE = "pwsmooth diagram"
+_OF_ENDS = ("values", "points", "cycle", "outcome")
 
 
 @checks.door()
@@ -43,7 +43,7 @@ class Diagram(Described):
     states : tuple of str
         Names of the states.
     branches : list of Line
-        In the order in which they were found, with `q`, `points`, `stable` and `origin`.
+        In the order in which they were found, with `values`, `stable`, `ends` and `origin`.
     ends : Ends or None
         The orbit diagram: where trajectories from the starts end.
     explained : ndarray of int, shape (values, starts)
@@ -88,7 +88,7 @@ class Diagram(Described):
         found = [
             {**b, "branch": k}
             for k, branch in enumerate(self.branches)
-            for b in branch.bifurcations
+            for b in branch.located
             if b.get("first")
         ]
         return sorted(found, key=lambda b: b["parameter"])
@@ -172,15 +172,11 @@ class Diagram(Described):
         arrays: dict[str, np.ndarray] = {"explained": self.explained}
         branches = []
         for k, branch in enumerate(self.branches):
-            arrays |= {f"branch_{k}_{name}": values for name, values in branch.arrays.items()}
-            about = copy.deepcopy(branch.about)
-            for b in about["bifurcations"]:
-                b["points"] = np.asarray(b["points"]).tolist()
-                b["mirrored"] = None if b["mirrored"] is None else np.asarray(b["mirrored"]).tolist()
-            branches.append({"about": about, "origin": branch.origin, "depth": branch.depth})
+            own, words = branch.to_data(f"branch_{k}_")
+            arrays |= own
+            branches.append(words)
         if self.ends is not None:
-            ends = self.ends
-            arrays |= {f"ends_{key}": getattr(ends, key) for key in ("values", "points", "cycle", "outcome")}
+            arrays |= {f"ends_{key}": getattr(self.ends, key) for key in _OF_ENDS}
         about = {
             "parameter": self.parameter, "range": list(self.range), "states": list(self.states), "branches": branches,
             "lost": list(self.lost), "left": self.left, "strobed_by": self.strobed_by,
@@ -189,23 +185,16 @@ class Diagram(Described):
         return {"arrays": arrays, "about": about}
 
     @staticmethod
-    def _of(item: dict[str, Any], setting: Setting | None = None) -> Diagram:
+    def _of(item: dict[str, Any]) -> Diagram:
         arrays, about = item["arrays"], item["about"]
-        branches = []
-        for k, branch in enumerate(about["branches"]):
-            head = f"branch_{k}_"
-            own = {name.removeprefix(head): values for name, values in arrays.items() if name.startswith(head)}
-            branches.append(Line(own, branch["about"], branch["origin"], branch["depth"]))
+        branches = [Line.from_data(arrays, f"branch_{k}_", words) for k, words in enumerate(about["branches"])]
         ends = None
         if "ends_values" in arrays:
-            values, points, cycle, outcome = (
-                arrays[f"ends_{key}"] for key in ("values", "points", "cycle", "outcome")
-            )
-            ends = Ends(values, points, cycle, outcome, about["tol"])
+            ends = Ends(*(arrays[f"ends_{key}"] for key in _OF_ENDS), about["tol"])
         low, high = about["range"]
         return Diagram(
             about["parameter"], (low, high), tuple(about["states"]), branches, ends, arrays["explained"],
-            tuple(about["lost"]), about["left"], about["strobed_by"], setting,
+            tuple(about["lost"]), about["left"], about["strobed_by"],
         )  # fmt: skip
 
     def _described(self) -> tuple[str, Rows]:

@@ -90,7 +90,7 @@ class Search:
 
     def _children(self, line: Line) -> Iterator[tuple[str, int, Task, Any]]:
         """Where other branches begin on a branch, at bifurcations that no branch before it has."""
-        for b in line.bifurcations:
+        for b in line.located:
             b["first"] = self._new(b) and not (b["kind"] == "fold" and self._vertex(line, b))
             origin = f"{b['kind']} at {self.name} = {b['parameter']:.9g}"
             if b["first"] and b["point"].get("count", line.count) < line.count:
@@ -150,13 +150,13 @@ class Search:
         if item["about"]["lost"]:
             self.lost.append(f"{origin}: {item['about']['lost']}")
             return None
-        line = Line(item["arrays"], {**item["about"], "name": self.name}, origin, depth, root)
+        line = Line(item["arrays"], item["about"], origin, depth, root)
         place = {-1: None, **{int(n): k for k, n in enumerate(line.arrays["located"])}}
-        for number, b in enumerate(line.bifurcations):
+        for number, b in enumerate(line.located):
             k = place[number]
             b["points"] = line.arrays["points"][k]
             b["mirrored"] = line.arrays["mirrored"][k] if "mirrored" in line.arrays else None
-        if len(line.q) < 2 or self._known(line):
+        if len(line.values) < 2 or self._known(line):
             return None
         self.lines.append(line)
         return line
@@ -169,7 +169,7 @@ class Search:
         some = inside[[len(inside) // 3, (2 * len(inside)) // 3]]
         return any(
             all(
-                known.holds(self.values, float(line.q[k]), line.arrays["points"][k], self.setting)
+                known.holds(self.values, float(line.values[k]), line.arrays["points"][k], self.setting)
                 for k in some.tolist()
             )
             for known in self.lines
@@ -181,7 +181,7 @@ class Search:
         """The number of the branch on which an end lies; `NOWHERE` for none."""
         q, cycle = float(ends.values[i]), int(ends.cycle[i, j])
         if ends.outcome[i, j] == NO_RETURN:
-            at_rest = (k for k, line in enumerate(self.lines) if line.equilibria)
+            at_rest = (k for k, line in enumerate(self.lines) if line.of_equilibria)
             return next((k for k in at_rest if any(a <= q <= b for a, b in self.lines[k].covered())), NOWHERE)
         if cycle <= 0:
             return NOWHERE

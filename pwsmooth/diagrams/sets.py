@@ -15,7 +15,8 @@ import numpy as np
 from ..analysis.continuation.special import Special
 from ..door import checks
 from ..door.describe import Described, Rows, some
-from .growing import Grown
+from .dataset import columns_of
+from .line import Line, under
 from .result import Diagram
 from .tasks import RESULT, Store, read_result, write_group
 
@@ -39,7 +40,7 @@ class BifurcationSet(Described):
         Their names.
     ranges : tuple of ((float, float), (float, float)), in the units of the parameters
         Of both.
-    curves : list of Grown
+    curves : list of Line
         In the order in which they were found, with `kind`, `values`, `admissible` and `ends`.
     diagrams : list of Diagram
         Along the lines.
@@ -58,7 +59,7 @@ class BifurcationSet(Described):
 
     parameters: tuple[str, str]
     ranges: tuple[tuple[float, float], tuple[float, float]]
-    curves: list[Grown]
+    curves: list[Line]
     diagrams: list[Diagram]
     lines: tuple[tuple[str, float], ...]
     lost: tuple[str, ...] = ()
@@ -68,7 +69,7 @@ class BifurcationSet(Described):
         """Points of codimension 2, each once, without their orbits."""
         found: list[Special] = []
         widths = np.ptp(np.array(self.ranges), axis=1)
-        for p in (p for curve in self.curves for p in curve.about["specials"]):
+        for p in (p for curve in self.curves for p in curve.located):
             at = dict(zip(self.parameters, p["at"]))
 
             def same(other: Special, p: Any = p) -> bool:
@@ -80,7 +81,7 @@ class BifurcationSet(Described):
                 found.append(Special(p["kind"], at, note=p["note"]))
         return found
 
-    def of_kind(self, kind: str) -> list[Grown]:
+    def of_kind(self, kind: str) -> list[Line]:
         """Curves of one kind.
 
         Parameters
@@ -90,7 +91,7 @@ class BifurcationSet(Described):
 
         Returns
         -------
-        list of Grown
+        list of Line
             In the order in which they were found.
         """
         return [curve for curve in self.curves if curve.kind == kind]
@@ -143,17 +144,8 @@ class BifurcationSet(Described):
         import xarray
 
         p, q = self.parameters
-        sizes = [curve.values.shape[1] for curve in self.curves]
-        values = np.concatenate([curve.values for curve in self.curves], axis=1) if sizes else np.zeros((2, 0))
-
-        def joined(name: str) -> np.ndarray:
-            return np.concatenate([curve.arrays[name] for curve in self.curves]) if sizes else np.zeros(0)
-
-        specials = self.specials
-        data = {
-            "curve": (("point",), np.repeat(np.arange(len(sizes)), sizes)), p: (("point",), values[0]),
-            q: (("point",), values[1]),
-            **{name: (("point",), joined(name)) for name in ("admissible", "size", "period")},
+        specials, states = self.specials, self.diagrams[0].states if self.diagrams else ()
+        data = columns_of(self.curves, "curve", self.parameters, states) | {
             "kind": (("curves",), np.array([curve.kind for curve in self.curves], dtype=object)),
             "special_kind": (("special",), np.array([m.kind for m in specials], dtype=object)),
             f"special_{p}": (("special",), np.array([m.values[p] for m in specials])),
@@ -179,8 +171,11 @@ class BifurcationSet(Described):
 
     def _item(self) -> dict[str, Any]:
         arrays: dict[str, np.ndarray] = {}
+        curves = []
         for k, curve in enumerate(self.curves):
-            arrays |= {f"curve_{k}_{name}": values for name, values in curve.arrays.items()}
+            own, words = curve.to_data(f"curve_{k}_")
+            arrays |= own
+            curves.append(words)
         diagrams = []
         for k, found in enumerate(self.diagrams):
             item = found._item()
@@ -188,7 +183,7 @@ class BifurcationSet(Described):
             diagrams.append(item["about"])
         about = {
             "parameters": list(self.parameters), "ranges": [list(r) for r in self.ranges], "diagrams": diagrams,
-            "curves": [{"about": dict(curve.about), "origin": curve.origin} for curve in self.curves],
+            "curves": curves,
             "lines": [list(line) for line in self.lines], "lost": list(self.lost),
         }  # fmt: skip
         return {"arrays": arrays, "about": about}
@@ -240,12 +235,10 @@ def read_diagram(path: Any) -> Diagram | BifurcationSet:
         return Diagram._of(item)
     arrays, about = item["arrays"], item["about"]
 
-    def under(head: str) -> dict[str, np.ndarray]:
-        return {name.removeprefix(head): values for name, values in arrays.items() if name.startswith(head)}
-
-    curves = [Grown(under(f"curve_{k}_"), c["about"], c["origin"]) for k, c in enumerate(about["curves"])]
+    curves = [Line.from_data(arrays, f"curve_{k}_", words) for k, words in enumerate(about["curves"])]
     diagrams = [
-        Diagram._of({"arrays": under(f"diagram_{k}_"), "about": one}) for k, one in enumerate(about["diagrams"])
+        Diagram._of({"arrays": under(f"diagram_{k}_", arrays), "about": one})
+        for k, one in enumerate(about["diagrams"])
     ]
     p, q = about["parameters"]
     (a, b), (c, d) = about["ranges"]

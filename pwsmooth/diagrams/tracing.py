@@ -1,7 +1,7 @@
 """One branch from one start: both ways, around its folds, to the ends of the range. A task and its result are data.
 
     start  ->  follow to either end of the range, around folds  ->  parameter, points once a period, stability and
-    bifurcations, in order along the branch
+    specials, in order along the branch
 
 Chain: plain.py -> **tracing** -> line.py, one_parameter.py.
 """
@@ -143,7 +143,7 @@ def _traced(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
         return {"arrays": {}, "about": {"lost": orbit.message}}
     if not isinstance(orbit, Equilibrium):
         orbit = in_units(orbit, setting.sizes)
-    steps, bifurcations = Steps(**task.get("steps", {})), list[dict[str, Any]]()
+    steps, specials = Steps(**task.get("steps", {})), list[dict[str, Any]]()
     born = None
     if task.get("off", {}).get("point", {}).get("equilibrium"):
         born = _Entry(special_of(task["off"], setting).point, setting, name)
@@ -153,7 +153,7 @@ def _traced(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
     for to in (low, high):
         if sides and ends[0] == CLOSED:
             break
-        entries, end = _one_way(setting, orbit, name, to, (low, high), steps, bifurcations, born)
+        entries, end = _one_way(setting, orbit, name, to, (low, high), steps, specials, born)
         sides.append(entries)
         ends.append(end)
     entries = sides[0][::-1] + (sides[1][1:] if len(sides) > 1 else [])
@@ -163,14 +163,15 @@ def _traced(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
     order = [entry.number for entry in entries if entry.number >= 0]
     ranks = {number: rank for rank, number in enumerate(order)}
     about = {
-        "lost": "", "equilibria": isinstance(orbit, Equilibrium), "symmetric": bool(getattr(orbit, "symmetric", False)),
-        "ends": ends, "bifurcations": [bifurcations[number] for number in order],
+        "lost": "", "parameters": [name], "kind": "", "equilibria": isinstance(orbit, Equilibrium),
+        "symmetric": bool(getattr(orbit, "symmetric", False)), "ends": ends,
+        "specials": [specials[number] for number in order],
     }  # fmt: skip
     return {"arrays": _arrays(entries, ranks), "about": about}
 
 
 def _one_way(
-    setting, orbit, name, to, bounds, steps, bifurcations, born
+    setting, orbit, name, to, bounds, steps, specials, born
 ) -> tuple[list[_Entry], str]:  # fmt: skip
     """Entries from the start on, and why they end."""
     q = value_of(orbit, name)
@@ -180,7 +181,7 @@ def _one_way(
         way = 1 if to == bounds[1] else -1
         branch = follow(orbit, {name: bounds}, way=way, virtual=setting.virtual, steps=steps)
         return _entries_of(
-            branch, [_Entry(e, setting, name) for e in branch.points], setting, name, bifurcations
+            branch, [_Entry(e, setting, name) for e in branch.points], setting, name, specials
         ), branch.end
     entries = [_Entry(orbit, setting, name)]
     told: list[str] = []
@@ -207,10 +208,10 @@ def _one_way(
     branch, end = branch_of(way, (way.end,), (name,)), way.end
     if told and told[0] == CLOSED:
         entries[-1] = entries[0]
-        return _entries_of(branch, entries, setting, name, bifurcations), CLOSED
+        return _entries_of(branch, entries, setting, name, specials), CLOSED
     if told and told[0].startswith(SHRINKS) and born is not None:
         entries.append(born)
-    placed = _entries_of(branch, entries, setting, name, bifurcations)
+    placed = _entries_of(branch, entries, setting, name, specials)
     if told and told[0].startswith(MEETS) and placed[-1] is entries[-1]:
         # What is past the mirror image is its own; a fold or branch point there is the symmetric branch's.
         placed.pop()
@@ -243,14 +244,14 @@ def _over(entries: list[_Entry], name: str) -> list[str]:
 
 
 def _entries_of(
-    branch: Any, entries: list[_Entry], setting: Setting, name: str, bifurcations: list[dict[str, Any]]
+    branch: Any, entries: list[_Entry], setting: Setting, name: str, specials: list[dict[str, Any]]
 ) -> list[_Entry]:
-    """Orbits of a branch with its bifurcations between them."""
+    """Orbits of a branch with its specials between them."""
     entries = list(entries)
     placed: list[tuple[int, list[_Entry]]] = []
     for place, b in zip(branch.places, branch.specials):
-        these = [_Entry(b.point, setting, name, len(bifurcations))]
-        bifurcations.append(data_of_special(b, setting))
+        these = [_Entry(b.point, setting, name, len(specials))]
+        specials.append(data_of_special(b, setting))
         if isinstance(b.beyond, PeriodicOrbit):
             these.append(_Entry(b.beyond, setting, name))
         placed.append((place - 1, these))
@@ -262,7 +263,7 @@ def _entries_of(
 
 
 def _with_middles(entries: list[_Entry], setting: Setting, name: str) -> list[_Entry]:
-    """With an orbit between two bifurcations that have none between them: it says whether the way is stable."""
+    """With an orbit between two specials that have none between them: it says whether the way is stable."""
     found = entries[:1]
     for before, entry in zip(entries, entries[1:]):
         if (
@@ -293,10 +294,10 @@ def _arrays(entries: list[_Entry], ranks: Mapping[int, int]) -> dict[str, np.nda
         rates = orbit.eigenvalues.real if isinstance(orbit, Equilibrium) else np.abs(orbit.multipliers)
         sizes.append(float(rates.max(initial=-np.inf)))
     arrays = {
-        "parameter": np.array([entry.q for entry in entries]),
+        "values": np.array([entry.q for entry in entries]),
         "points": points,
         "stable": np.array([int(e.orbit.stable) if e.decided else UNDECIDED for e in entries], np.int8),
-        "virtual": np.array([bool(getattr(e.orbit, "virtual", "")) for e in entries]),
+        "admissible": np.array([not getattr(e.orbit, "virtual", "") for e in entries]),
         "size": np.array(sizes),
         "period": np.array([getattr(e.orbit, "period", np.nan) for e in entries], float),
         "located": np.array([ranks.get(e.number, -1) for e in entries], np.int32),

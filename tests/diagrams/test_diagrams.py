@@ -98,7 +98,7 @@ def test_an_isle_closes():
     isle = mapped({x: x + (sp.Rational(1, 4) - a**2 - x**2) / 2}, a=0)  # fixed points on a circle
     found = diagram(isle, {a: (-1, 1)}, {x: 0.1}, seen=STROBED, values=21)
     (branch,) = found.branches
-    assert branch.about["ends"] == ["it closes."]
+    assert branch.ends == ("it closes.",)
     assert of(found, "fold") == pytest.approx([-0.5, 0.5], abs=CLOSE)
     assert np.allclose(found.gaps, [(-1, -0.5), (0.5, 1)], rtol=0, atol=CLOSE)
 
@@ -109,7 +109,7 @@ def test_both_halves_of_a_pitchfork_are_one_branch():
     stem, fork = found.branches
     assert [b.kind for b in found.specials] == ["branch point"]
     at = fork.arrays["points"][:, 0, 0]
-    assert np.abs(at * (fork.q - at**2)).max() < 2e-11  # of P(x) - x
+    assert np.abs(at * (fork.values - at**2)).max() < 2e-11  # of P(x) - x
     assert np.ptp(np.sign(at)) == 2 and not np.any(np.abs(stem.arrays["points"]) > 1e-11)
 
 
@@ -118,17 +118,18 @@ def test_a_skew_tent_s_fixed_point_crosses_its_border_where_a_period_of_two_begi
     tent = mapped({x: sp.Piecewise((x / 2 + a, x < 0), (-3 * x / 2 + a, True))}, a=-0.5)
     found = diagram(tent, {a: (-0.5, 0.5)}, {x: 0.1}, seen=STROBED, values=10)
     single, double = found.branches
-    assert single.q.max() == pytest.approx(0.5) and double.q.min() == pytest.approx(0, abs=1e-8)
+    assert single.values.max() == pytest.approx(0.5) and double.values.min() == pytest.approx(0, abs=1e-8)
     (border,) = found.specials
     assert border.kind == "border collision" and abs(border.parameter) < CLOSE
     assert (
         np.abs(
-            single.arrays["points"][:, 0, 0] - np.minimum(2 * single.q, 0.4 * single.q * (single.q > 0))
+            single.arrays["points"][:, 0, 0]
+            - np.minimum(2 * single.values, 0.4 * single.values * (single.values > 0))
         ).max()
         < CLOSE
     )
     low = double.arrays["points"][:, :, 0].min(axis=1)
-    assert np.abs(low + 2 / 7 * double.q).max() < CLOSE  # a - 3/2 (a + x/2) = x
+    assert np.abs(low + 2 / 7 * double.values).max() < CLOSE  # a - 3/2 (a + x/2) = x
     assert found.unexplained.size == 0
 
 
@@ -162,9 +163,9 @@ def test_the_cycle_that_is_born_at_a_boundary_equilibrium_is_followed():
     found = diagram(focus, {a: (-0.1, 0.5)}, box={x: (-3, 3), u: (-3, 3)}, steps=Steps(longest=0.1))
     assert found.gaps == [(-0.1, pytest.approx(0, abs=1e-9))] and len(found.branches) == 2
     cycle = found.branches[1]
-    assert cycle.q.min() == pytest.approx(0, abs=1e-9) and cycle.q.max() == pytest.approx(0.5)
-    far = cycle.q > 0.01
-    ratio = cycle.arrays["points"][far, 0, 0] / cycle.q[far]
+    assert cycle.values.min() == pytest.approx(0, abs=1e-9) and cycle.values.max() == pytest.approx(0.5)
+    far = cycle.values > 0.01
+    ratio = cycle.arrays["points"][far, 0, 0] / cycle.values[far]
     assert np.ptp(ratio) < 1e-8 * abs(ratio[0])
 
 
@@ -175,7 +176,13 @@ def test_folds_of_equilibria_have_curves(tmp_path):
     p, q = curve.values
     assert np.abs(27 * p**2 - 4 * q**3).max() < CLOSE and [point.kind for point in found.specials] == ["cusp"]
     found.save(tmp_path / "set.zarr")
-    assert [curve.kind for curve in read_diagram(tmp_path / "set.zarr").curves] == ["fold"]
+    stored = read_diagram(tmp_path / "set.zarr")
+    assert [curve.kind for curve in stored.curves] == ["fold"] and stored.specials == found.specials
+    data = stored.to_dataset()
+    assert data.equals(found.to_dataset()) and np.array_equal([data.a, data.b], curve.values)
+    assert data.special_kind.values.tolist() == ["cusp"] and np.array_equal(
+        data.x[:, 0], curve.arrays["points"][:, 0, 0]
+    )
 
 
 def test_a_hopf_point_leads_to_its_cycle():
@@ -183,9 +190,9 @@ def test_a_hopf_point_leads_to_its_cycle():
     ring = System({x: a * x - u - x * r2, u: x + a * u - u * r2}, parameters={a: -0.5})
     found = diagram(ring, {a: (-0.5, 0.5)}, box={x: (-1, 1), u: (-1, 1)})
     rest, cycle = found.branches
-    assert rest.equilibria and [b.kind for b in found.specials] == ["Hopf"] and found.gaps == []
+    assert rest.of_equilibria and [b.kind for b in found.specials] == ["Hopf"] and found.gaps == []
     radius = (cycle.arrays["points"][:, 0] ** 2).sum(axis=1)
-    assert np.abs(radius - cycle.q)[cycle.q > 1e-3].max() < CLOSE
+    assert np.abs(radius - cycle.values)[cycle.values > 1e-3].max() < CLOSE
 
 
 def test_trajectories_that_come_to_rest_are_explained_by_an_equilibrium():
@@ -227,8 +234,8 @@ def test_a_sharp_corner_of_a_branch_is_turned_around(block):
     (corner,) = [b for b in block.specials if b.kind == "crossing-sliding" and b.parameter < 3.5]
     broken = next(b.parameter for b in block.specials if b.kind == "symmetry breaking")
     branch = block.branches[1]
-    assert branch.q.min() == pytest.approx(corner.parameter, abs=1e-8) and corner.parameter < broken
-    assert all("mirror image" in end for end in branch.about["ends"])
+    assert branch.values.min() == pytest.approx(corner.parameter, abs=1e-8) and corner.parameter < broken
+    assert all("mirror image" in end for end in branch.ends)
 
 
 # ---- two parameters
@@ -346,7 +353,7 @@ def test_what_is_in_the_store_is_not_computed_again(tmp_path, monkeypatch):
 def test_a_damaged_item_is_computed_again(tmp_path):
     call = dict(x0={x: 0.3}, seen=STROBED, values=3, work=Work(store=tmp_path / "d.zarr"))
     first = diagram(LOGISTIC, {a: (2.8, 3.2)}, **call)
-    item = sorted((tmp_path / "d.zarr" / "items").glob("*/parameter/c/0"))[0]
+    item = sorted((tmp_path / "d.zarr" / "items").glob("*/values/c/0"))[0]
     item.write_bytes(b"nothing")
     with pytest.warns(UserWarning, match="damaged"):
         again = diagram(LOGISTIC, {a: (2.8, 3.2)}, **call)
