@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.continuation.arclength import in_units, value_of
 from ..analysis.continuation.bifurcations import ON_CIRCLE
 from ..analysis.continuation.branch import branch_of
 from ..analysis.continuation.branches import begin_orbits, branch_off
 from ..analysis.continuation.equilibria.hopf import cycle_from
 from ..analysis.continuation.equilibria.sliding_cycle import cycle_beside
 from ..analysis.continuation.following import follow
+from ..analysis.continuation.orbit_problem import in_units, value_of
 from ..analysis.continuation.steps import Steps
 from ..analysis.continuation.way import CLOSED, How, Way
 from ..analysis.equilibria.equilibrium import Equilibrium
@@ -206,7 +206,7 @@ def _one_way(
         way.follow(*first)
     stops(way)
     branch, end = branch_of(way, (way.end,), (name,)), way.end
-    if told and told[0] == CLOSED:
+    if CLOSED in (way.end, *told[:1]):
         entries[-1] = entries[0]
         return _entries_of(branch, entries, setting, name, specials), CLOSED
     if told and told[0].startswith(SHRINKS) and born is not None:

@@ -184,6 +184,13 @@ def test_a_period_that_does_not_follow_its_parameter_is_noticed():
     assert moving.x[0] == pytest.approx((1 - w**2) / ((1 - w**2) ** 2 + w**2 / 25), abs=1e-9)
 
 
+def test_an_isle_closes():
+    # x -> x + (1/4 - a^2 - x^2)/2: fixed points on a circle
+    branch = follow(mapped({x: x + (sp.Rational(1, 4) - a**2 - x**2) / 2}, {x: 0.5}, 0.0), {a: (-1, 1)})
+    assert branch.ends == ("it closes.",) and np.abs(np.hypot(branch.values, branch.x[0]) - 0.5).max() < LOCATED
+    assert sorted(fold.parameter for fold in branch.of_kind("fold")) == pytest.approx([-0.5, 0.5], abs=LOCATED)
+
+
 # ---- tests of one's own
 
 
@@ -193,7 +200,9 @@ def test_zeros_of_one_s_own_tests_are_special_points_in_their_order():
     branch = follow(mapped({x: a * x * (1 - x)}, {x: 0.6}, 2.3), {a: 3.3}, tests=tests)
     assert [special.kind for special in branch.specials] == ["half", "flip"]
     assert branch.specials[0].parameter == pytest.approx(2.5, abs=LOCATED)
-    assert branch.tests["half"] == pytest.approx(2.5 - branch.values, abs=1e-8) and set(branch.tests) == {*tests}
+    assert branch.tests["half"] == pytest.approx(2.5 - branch.values, abs=1e-8) and set(branch.tests) == {
+        *tests
+    }
     assert follow(branch.specials[0].point, {a: 2.6}).end == "reached a = 2.6."
 
 
@@ -202,15 +211,21 @@ def test_along_a_curve_they_are_located_too():
     step = Event(every=1, update={x: a - x**2 + b * x})
     system = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
     (flip,) = follow(find_orbit(system, {x: 0.3}, seen=Strobe(1, phase=0.5)), {a: 1}).of_kind("flip")
-    (found,) = follow(flip, {a: (-1, 2), b: (-1, 1)}, tests={"x = 0.6": lambda orbit: orbit.x[0] - 0.6}).specials
+    (found,) = follow(
+        flip, {a: (-1, 2), b: (-1, 1)}, tests={"x = 0.6": lambda orbit: orbit.x[0] - 0.6}
+    ).specials
     assert found.kind == "x = 0.6" and list(found.values.values()) == pytest.approx([0.84, 0.2], abs=1e-9)
 
 
 def test_a_test_that_jumps_has_no_zero_and_one_without_a_number_is_refused():
     start = mapped({x: a * x * (1 - x)}, {x: 0.6}, 2.3)
-    jumps = follow(start, {a: 2.9}, tests={"jump": lambda orbit: math.copysign(1, orbit.system.parameters[a] - 2.6)})
+    jumps = follow(
+        start, {a: 2.9}, tests={"jump": lambda orbit: math.copysign(1, orbit.system.parameters[a] - 2.6)}
+    )
     assert jumps.specials == []
-    with pytest.raises(TypeError, match="`tests` of 'words' gave 'no number'; give a function that returns a number"):
+    with pytest.raises(
+        TypeError, match="`tests` of 'words' gave 'no number'; give a function that returns a number"
+    ):
         follow(start, {a: 2.9}, tests={"words": lambda orbit: "no number"})
     with pytest.raises(TypeError, match="`tests` has 'x'"):
         follow(start, {a: 2.9}, tests={"x": 1})

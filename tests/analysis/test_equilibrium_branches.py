@@ -200,6 +200,13 @@ def test_a_boundary_equilibrium_is_classified_as_the_determinants_say(seed):
         assert np.allclose([*e.x, *e.mult], [*at, held], rtol=1e-9, atol=1e-9) and e.admissible
 
 
+def test_an_isle_of_equilibria_closes():
+    branch = follow(
+        find_equilibrium(System({x: 0.25 - a**2 - x**2}, parameters={a: 0}), {x: 0.5}), {a: (-1, 1)}
+    )
+    assert branch.ends == ("it closes.",) and kinds(branch) == ["fold", "fold"]
+
+
 def test_virtual_equilibria_are_followed_on_request_and_called_so():
     case = Normal(1)
     start = find_equilibrium(case.system, case.regular(case.side), sides={"s": 1})

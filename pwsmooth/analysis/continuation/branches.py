@@ -4,7 +4,7 @@ Every point is a trajectory of the exact system: where the itinerary changes, th
 the orbit does, and the change is located and named (itineraries.py). Where no orbit is found beyond a point, the
 branch ends there and says why; nothing is continued on the far side of a surface.
 
-Chain: arclength.py, bifurcations.py, equilibrium_branches.py -> **continuation**.
+Chain: orbit_problem.py, way.py, bifurcations.py, equilibria/branches.py -> **branches** -> following.py.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from ..maps.symmetry import repeats_in
 from ..orbits.fixed_points import not_repeated
 from ..orbits.itineraries import JUMP
 from ..orbits.periodic_orbit import PeriodicOrbit, none_found
-from .arclength import OrbitPoint, OrbitProblem, in_units, leaves, same_state, unit_along, value_of
 from .bifurcations import bifurcations_between, collapse_between
 from .branch import Branch, branch_of
 from .equilibria.branches import coordinate, follow_equilibrium, value_at
 from .jumps import end_at
+from .orbit_problem import OrbitPoint, OrbitProblem, in_units, leaves, same_state, unit_along, value_of
 from .special import CAPTURE, Special
 from .way import How, Way, followed, used_up
 
@@ -248,17 +248,17 @@ def branch_off(bifurcation: Special, amplitude: float = 1e-2) -> PeriodicOrbit:
         )
     ((name, at),) = bifurcation.values.items()
     doubled, x, direction = _critical(old) if beside else _doubled(old)
-    walk = OrbitProblem(doubled, name, 1.0, unit_along(old))
-    normal = np.append(direction / walk.units, 0.0)
+    problem = OrbitProblem(doubled, name, 1.0, unit_along(old))
+    normal = np.append(direction / problem.units, 0.0)
     normal /= np.linalg.norm(normal)
-    begun = np.append(x, at) / walk.sizes
-    guess = begun + np.append(amplitude * direction, 0.0) / walk.sizes
-    point = walk.correct(guess, normal, normal)
+    begun = np.append(x, at) / problem.sizes
+    guess = begun + np.append(amplitude * direction, 0.0) / problem.sizes
+    point = problem.correct(guess, normal, normal)
     lost = "give another `amplitude`, a smaller one as a rule."
     if point is None:
         return none_found(doubled.map, old.x, f"no orbit was found on the branch at this distance: {lost}")
-    orbit = in_units(point.orbit, walk.unit)
-    quarter = leaves(walk, begun, bifurcation.uncertainty, point, normal)
+    orbit = in_units(point.orbit, problem.unit)
+    quarter = leaves(problem, begun, bifurcation.uncertainty, point, normal)
     # The critical multiplier leaves 1 as the square of the amplitude, and has not come as far as 0.
     if quarter is None or not np.abs(quarter.orbit.map_multipliers - 1).min(initial=np.inf) < 1 / 16:
         return replace(orbit, success=False, message=f"found was an orbit far from the bifurcation: {lost}")
@@ -269,7 +269,7 @@ def branch_off(bifurcation: Special, amplitude: float = 1e-2) -> PeriodicOrbit:
     else:
         half = orbit.segments.nodes[len(orbit.segments) // 2]
         once = half if (G := getattr(old.map, "symmetry", None)) is None else np.linalg.solve(G, half)
-    if same_state(once, orbit.x, walk.unit):
+    if same_state(once, orbit.x, problem.unit):
         return replace(orbit, success=False, message=f"found was an orbit of the branch's own stem: {lost}")
     return orbit
 

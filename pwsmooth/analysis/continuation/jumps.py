@@ -6,7 +6,7 @@
     grazing           a stop, an event or static friction is just touched, where the branch finds no orbit beyond
     homoclinic orbit  the motion comes to rest at a saddle on its way         homoclinic.py
 
-Chain: arclength.py, captures.py, recutting.py -> **jumps** -> bifurcations.py, continuation.py.
+Chain: orbit_problem.py, captures.py, recutting.py -> **jumps** -> bifurcations.py, branches.py.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from ..orbits.finding import refine
 from ..orbits.itineraries import Change, Letter, same_itinerary
 from ..orbits.periodic_orbit import PeriodicOrbit
 from ..orbits.recutting import touched
-from .arclength import OrbitPoint, OrbitProblem
 from .conditions.captures import at_threshold, clearances
 from .homoclinic import HETEROCLINIC, HOMOCLINIC, saddles_met
+from .orbit_problem import OrbitPoint, OrbitProblem
 from .special import ADDING, CAPTURE, Special
 
 # Of the parameter: in which a jump is enclosed, and to which the layer is resolved.
@@ -35,7 +35,7 @@ _PARTED = 1e-6  # in the unit of dh/dt: so little more the layer holds beside a 
 _GRAZED = 1e-4  # in the unit of h: so near the last orbit of a branch comes, within its shortest step
 
 
-def jump_between(walk: OrbitProblem, left: OrbitPoint, right: OrbitPoint) -> Special | None:
+def jump_between(problem: OrbitProblem, left: OrbitPoint, right: OrbitPoint) -> Special | None:
     """Whether a jump is that of a contact which is just captured, just not, or just let go; located over the parameter.
 
     The chord leads from one orbit to another there, and says little of where the first one ends.
@@ -43,21 +43,21 @@ def jump_between(walk: OrbitProblem, left: OrbitPoint, right: OrbitPoint) -> Spe
     if not (clearances(left.orbit) or parted(left.orbit, math.inf)):
         return None
     last, first = left.orbit, left.orbit
-    low, high = walk.value(left), walk.value(right)
+    low, high = problem.value(left), problem.value(right)
     if left.tangent[-1] * (high - low) <= 0:
-        high = low + math.copysign(max(abs(high - low), 1e-3 * walk.scale), left.tangent[-1])
-    while abs(high - low) > _THRESHOLD * (abs(low) + walk.scale):
+        high = low + math.copysign(max(abs(high - low), 1e-3 * problem.scale), left.tangent[-1])
+    while abs(high - low) > _THRESHOLD * (abs(low) + problem.scale):
         middle = 0.5 * (low + high)
-        found = refine(first.map.with_parameters({walk.name: middle}), last.x)
+        found = refine(first.map.with_parameters({problem.name: middle}), last.x)
         if found.success and same_itinerary(first, found):
             low, last = middle, found
         else:
             high = middle
-    width = abs(high - low) + _LAYER * (abs(low) + walk.scale)
+    width = abs(high - low) + _LAYER * (abs(low) + problem.scale)
     if at_threshold(last):
-        return Special(CAPTURE, {walk.name: low}, last, width)
+        return Special(CAPTURE, {problem.name: low}, last, width)
     change = parted(last, _PARTED)
-    return None if change is None else Special(ADDING, {walk.name: low}, last, width, change=change)
+    return None if change is None else Special(ADDING, {problem.name: low}, last, width, change=change)
 
 
 def parted(orbit: PeriodicOrbit, within: float) -> Change | None:
@@ -100,9 +100,9 @@ def let_go(orbit: PeriodicOrbit, within: float) -> Change | None:
     return Change(ADDING, (Letter(time, release.name, "slip by fold", 0, release.side),), (), time)
 
 
-def end_at(walk: OrbitProblem, here: OrbitPoint, width: float) -> Special | None:
+def end_at(problem: OrbitProblem, here: OrbitPoint, width: float) -> Special | None:
     """What a branch ends at: a capture, the grazing of a stop or of an event, where the map jumps, or a saddle."""
-    at, orbit = walk.values(here), here.orbit
+    at, orbit = problem.values(here), here.orbit
     if saddles := saddles_met(orbit):
         kind = HOMOCLINIC if len(saddles) == 1 else HETEROCLINIC
         return Special(kind, at, orbit, width, saddles=tuple(saddles))

@@ -2,7 +2,7 @@
 
     F(u) = 0,   tau . (u - u0) = ds,   u = (unknowns, parameters) / sizes     (H. B. Keller, 1977)
 
-    arclength.py              orbits: the points at which segments begin, a parameter
+    orbit_problem.py          orbits: the points at which segments begin, a parameter
     curves/problem.py         orbits with a condition: two parameters, the condition's own unknowns
     equilibria/problem.py     equilibria: states, multipliers that are held, one parameter or two with a condition
 
@@ -44,7 +44,7 @@ class Equations(NamedTuple):
 
 
 class Problem:
-    """Unknowns and equations of what is followed, and the walk along its solutions.
+    """Unknowns and equations of what is followed, and the problem along its solutions.
 
     A problem says `equations`, what it makes of a solution (`made`), how Newton's method ends (`most_newton`,
     `tolerance` of the error, `converged` and `rounded` of the last move, relative: inf where the error alone tells),

@@ -22,8 +22,8 @@ from ..equilibria.equilibrium import Equilibrium
 from ..maps.impacts import FromEvent
 from .branch import Branch, branch_of
 from .conditions.conditions import Condition
+from .curves.problem import CurveProblem, Spot
 from .curves.starts import condition_of, given
-from .curves.walk import CurveProblem, Spot
 from .curves.ways import CurveWay
 from .equilibria.curves import follow_equilibria
 from .special import Lead, Special
@@ -83,53 +83,53 @@ def _both_sides(lead, condition, names, bounds, how) -> Branch:
 
 
 def _begun(lead: Lead, condition: Condition, names: tuple[str, str], bounds: np.ndarray) -> Any:
-    """The walk of a curve and its first point; in words why there is none."""
+    """The problem of a curve and its first point; in words why there is none."""
     map_, x, held = lead.cut
     n, widths = len(x), bounds[:, 1] - bounds[:, 0]
     given_ = {p.name: value for p, value in map_.system.parameters.items()}
     middle = bounds.mean(axis=1) / widths
     for amplitude in (0.0,) if lead.direction is None else _AMPLITUDES:
-        walk = CurveProblem(map_, condition, names, bounds, x, held)
+        problem = CurveProblem(map_, condition, names, bounds, x, held)
         at = x if lead.direction is None else x + amplitude * (1 + np.abs(x).max()) * lead.direction
         w = np.append(at, [given_[q] for q in names])
-        place = walk.map_at(w)
+        place = problem.map_at(w)
         if place is None:
             continue
         extra = condition.start(place)
-        u = np.append(w, lead.extra or extra) / walk.sizes
+        u = np.append(w, lead.extra or extra) / problem.sizes
         # The nearest point, or that with one of the parameters as it is: Newton's method may lead far from a far start.
         off, normals = condition.value(place, u[n + 2 :]), [None, *np.eye(len(u))[n : n + 2]]
         if lead.direction is not None:
             normals = [np.append(lead.direction, np.zeros(len(u) - n))]
-        tried = [_nearer(walk, u, normal, off) for normal in normals]
+        tried = [_nearer(problem, u, normal, off) for normal in normals]
         inside = [s for s in tried if s is not None and np.all(np.abs(s.at - middle) <= 0.5 + 1e-9)]
         if inside:
-            return walk, min(inside, key=lambda spot: np.linalg.norm(spot.at - u[n : n + 2]))
+            return problem, min(inside, key=lambda spot: np.linalg.norm(spot.at - u[n : n + 2]))
     return f"no {condition.kind} was found near to the start."
 
 
-def _begins(walk: CurveProblem, here: Spot, lead: Lead, virtual: bool) -> str:
+def _begins(problem: CurveProblem, here: Spot, lead: Lead, virtual: bool) -> str:
     """Whether a curve that begins at a point of codimension 2 begins at this end, in words; empty where it goes on."""
-    there: Any = walk.step(here, _ASIDE)
+    there: Any = problem.step(here, _ASIDE)
     if there is None:
         return ""
     if lead.direction is not None:
         grown = (
             (there.orbit.x - here.orbit.x) @ lead.direction * ((here.orbit.x - lead.cut[1]) @ lead.direction)
         )
-        return f"it begins near {walk.where(here)}." if grown < 0 else ""
-    place = walk.place_at(there)
-    if virtual or place is None or not walk.condition.beyond(place, there.extra):
+        return f"it begins near {problem.where(here)}." if grown < 0 else ""
+    place = problem.place_at(there)
+    if virtual or place is None or not problem.condition.beyond(place, there.extra):
         return ""
-    return f"it begins at {walk.where(here)}."
+    return f"it begins at {problem.where(here)}."
 
 
-def _nearer(walk: CurveProblem, u: np.ndarray, normal: np.ndarray | None, off: np.ndarray) -> Spot | None:
+def _nearer(problem: CurveProblem, u: np.ndarray, normal: np.ndarray | None, off: np.ndarray) -> Spot | None:
     """The first point of a curve, at once or with c in parts of what it is at the start; `normal` keeps an entry."""
-    spot = walk.correct(u, normal, None)
+    spot = problem.correct(u, normal, None)
     if spot is not None and np.linalg.norm(spot.u - u) < _FAR:
         return spot
-    way = copy.copy(walk)
+    way = copy.copy(problem)
     for part in np.linspace(1, 0, _PARTS + 1)[1:]:
         way.offset = part * off
         near = way.correct(u, normal, None)

@@ -122,7 +122,9 @@ class Way:
                 there, border = problem.within(here, there)
             points, specials = len(self.points), len(self.specials)
             met = None if there is None else self.met(here, there)
-            last = self.points[-1] if len(self.points) > points else met  # where it ends on the way, or the next one
+            last = (
+                self.points[-1] if len(self.points) > points else met
+            )  # where it ends on the way, or the next one
             if self.how.tests and last is not None:
                 self._tested(here, last, points, specials)
             if self.end:
@@ -189,7 +191,15 @@ class Way:
             return False
         aside = np.linalg.norm(to - chord * (to @ chord) / length)
         along = way @ chord > 0.8 * np.linalg.norm(way) * math.sqrt(length)
-        return bool(aside < 0.2 * math.sqrt(length) and along)
+        if aside >= 0.2 * math.sqrt(length) or not along:
+            return False
+        # Beside a canard a multiplier changes by much within a step: the first one's is between those of its ends.
+        items = [self.points[k].item for k in (0, -2, -1)]
+        one, *ends = (np.abs(getattr(item, "map_multipliers", np.zeros(1))) for item in items)
+        if not one.shape == ends[0].shape == ends[1].shape:
+            return False
+        beside = np.maximum(np.min(ends, axis=0) - one, one - np.max(ends, axis=0))
+        return bool(np.all(beside <= 0.1 * (1 + one)))
 
 
 def used_up(way: Way) -> str:

@@ -9,7 +9,7 @@ motion is therefore solved by the view that decides as the orbit in question doe
 slow motion of the finite ratio, so that the orbit is regular up to the threshold and beyond. Without states the models
 of holding.py do the same; there the map jumps only if what is just held is held for a while.
 
-Chain: separatrix.py, holding.py, tangencies.py, recutting.py -> **captures** -> curve_starts.py.
+Chain: separatrix.py, holding.py, tangencies.py, recutting.py -> **captures** -> curves/starts.py.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A curve to one side: what is met between its points, and why it ends.
 
-Chain: walk.py, way.py, bifurcations.py -> **ways** -> two_parameters.py.
+Chain: problem.py, way.py, bifurcations.py -> **ways** -> two_parameters.py.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from ...orbits.finding import refine
 from ...orbits.itineraries import JUMP, Change, same_itinerary
 from ...orbits.periodic_orbit import PeriodicOrbit
 from ...orbits.recutting import touched
-from ..arclength import OrbitProblem
 from ..bifurcations import change_enclosed, of_no_effect, undecided
 from ..bracketing import zero_between
 from ..conditions.captures import at_threshold
+from ..orbit_problem import OrbitProblem
 from ..special import CAPTURE, Lead, Special
 from ..way import Way
 from .emanating import change_along, leads, leads_of_change, of_capture
+from .problem import HARDLY, CurveProblem, Spot
 from .starts import SMOOTH, TOUCHES
-from .walk import HARDLY, CurveProblem, Spot
 
 _BRACKET = 1e-10  # of the arc, in which the end of a curve is enclosed
 _LOCATED = 1e-12  # of a chord: test functions along curves are known to some 1e-10
@@ -91,7 +91,7 @@ class CurveWay(Way):
         return None if change.name == JUMP else self._between(here, there, (left, right, change))
 
     def _between(self, here: Spot, there: Spot, change: Any) -> Spot | None:
-        walk, found = self.problem, []
+        problem, found = self.problem, []
         for name in here.tests:
             a, b = here.tests[name], there.tests.get(name, math.nan)
             if not a * b < 0 or here is self.born and abs(a) < _BEGUN * abs(b):
@@ -99,32 +99,32 @@ class CurveWay(Way):
             second = name.rpartition(" + ")[2]
             if second in SMOOTH and second != "torus" and undecided(here, there, second):
                 continue  # as all along a curve of orbits at rest
-            spot = zero_between(walk, here, there, _test(name), _LOCATED)
-            why = walk.condition.ends(name)
+            spot = zero_between(problem, here, there, _test(name), _LOCATED)
+            why = problem.condition.ends(name)
             if spot is None and why:  # its last part has no points to Newton's method
                 return self._short_of(here, there, name, why)
             if spot is None or not abs(spot.tests[name]) <= 0.01 * (abs(a) + abs(b)):
                 continue
-            place = walk.place_at(spot)
-            if place is not None and walk.condition.confirmed(name, place):
+            place = problem.place_at(spot)
+            if place is not None and problem.condition.confirmed(name, place):
                 found.append((spot, name, why))
         chord = there.u - here.u
         for spot, name, why in sorted(found, key=lambda f: (f[0].u - here.u) @ chord):
-            self._add(name, spot, why, leads(walk, spot, name))
+            self._add(name, spot, why, leads(problem, spot, name))
             if why and not (self.virtual and "virtual" in why):
-                return self.ends_at(spot, f"{name} at {walk.where(spot)}: {why}.")
-        self.turned(here, there, lambda name, spot: Special(name, walk.values(spot), spot.orbit))
+                return self.ends_at(spot, f"{name} at {problem.where(spot)}: {why}.")
+        self.turned(here, there, lambda name, spot: Special(name, problem.values(spot), spot.orbit))
         if there.twin and not here.twin:
-            name = f"{walk.condition.kind} twice"
+            name = f"{problem.condition.kind} twice"
             # Chords lead from one curve to the other there.
             spot = self._before(here, there, lambda spot: spot.twin)
             why = "from there on it holds at two events at once, as along symmetric orbits: follow these by `symmetry`"
             self._add(name, spot, why)
-            return self.ends_at(spot, f"{name} at {walk.where(spot)}: {why}.")
+            return self.ends_at(spot, f"{name} at {problem.where(spot)}: {why}.")
         if change is not None:
             left, right, what = change
             if not of_no_effect(what, left.orbit, right.orbit):
-                name = f"{walk.condition.kind} + {what.name}"
+                name = f"{problem.condition.kind} + {what.name}"
                 note = "it goes on with another itinerary"
                 self._add(name, left, note, leads_of_change(what, left.orbit, right.orbit))
         return there
@@ -213,18 +213,20 @@ class CurveWay(Way):
 
     def _lost(self, here: Spot) -> tuple[str, Change | None]:
         """What keeps the curve from going on, in words: a change of itinerary beside its end, as a rule."""
-        walk = self.problem
-        at = walk.where(here)
+        problem = self.problem
+        at = problem.where(here)
         for beyond in self._orbits_beside(here):
             if same_itinerary(here.orbit, beyond):
                 continue
             change = change_along(here.orbit, beyond)
-            name = f"{walk.condition.kind} + {change.name}"
+            name = f"{problem.condition.kind} + {change.name}"
             self._add(name, here, str(change), leads_of_change(change, here.orbit, beyond))
-            why = f"beyond it the orbit has another itinerary, and no {walk.condition.kind} was found beside."
+            why = (
+                f"beyond it the orbit has another itinerary, and no {problem.condition.kind} was found beside."
+            )
             return f"{name} at {at}: {why}", change
         if at_threshold(here.orbit):
-            name = f"{walk.condition.kind} + {CAPTURE}"
+            name = f"{problem.condition.kind} + {CAPTURE}"
             why = "beyond it the contact is captured or passes, and the Poincare map jumps"
             self._add(name, here, why, of_capture(here.orbit))
             return f"{name} at {at}: {why}.", None
@@ -235,17 +237,17 @@ class CurveWay(Way):
 
         That branch turns at a fold: those that are ahead may be none of its orbits.
         """
-        walk, n = self.problem, self.problem.n
+        problem, n = self.problem, self.problem.n
         reaches = (_BESIDE, 10 * _BESIDE, 100 * _BESIDE)
         for reach in reaches:
-            ahead = ((here.u + reach * here.tangent) * walk.sizes)[n : n + 2]
+            ahead = ((here.u + reach * here.tangent) * problem.sizes)[n : n + 2]
             try:
-                map_ = here.orbit.map.with_parameters(dict(zip(walk.names, map(float, ahead))))
+                map_ = here.orbit.map.with_parameters(dict(zip(problem.names, map(float, ahead))))
             except ValueError:  # outside the assumptions of a parameter
                 continue
             if (beyond := refine(map_, here.orbit.x)).success:
                 yield beyond
-        branch = OrbitProblem(here.orbit, walk.names[0], float(walk.scales[0]))
+        branch = OrbitProblem(here.orbit, problem.names[0], float(problem.scales[0]))
         point = branch.point(here.orbit, np.append(np.ones(len(here.orbit.x)), 1.0))
         for reach in reaches:
             for side in (1, -1):
@@ -253,14 +255,6 @@ class CurveWay(Way):
                 there = branch.step(on, reach) or branch.turn(on, _CORNER * reach)
                 if there is not None:
                     yield there.orbit
-
-    def _closes(self) -> bool:
-        if not super()._closes():
-            return False
-        # Beside a canard a multiplier changes by much within a step: the first one's is between those of its ends.
-        one, *ends = (np.abs(self.points[k].orbit.map_multipliers) for k in (0, -2, -1))
-        beside = np.maximum(np.min(ends, axis=0) - one, one - np.max(ends, axis=0))
-        return bool(np.all(beside <= 0.1 * (1 + one)))
 
 
 def extrapolated(spots: list[Spot], name: str) -> np.ndarray:

@@ -126,14 +126,14 @@ def _crossed(here: EquilibriumPoint, there: EquilibriumPoint) -> list[int]:
 
 
 def _border(
-    walk: EquilibriumProblem, here: EquilibriumPoint, there: EquilibriumPoint, crossed: list[int]
+    problem: EquilibriumProblem, here: EquilibriumPoint, there: EquilibriumPoint, crossed: list[int]
 ) -> tuple[EquilibriumPoint, int, float] | None:
     """The first of the bounds that are passed."""
     first = None
     for j in crossed:
         if abs(here.margins[j]) <= here.on[j]:
-            return here, j, 1e-12 * (1 + abs(walk.value(here)))
-        found = walk.zero(here, there, lambda p, j=j: float(p.margins[j]))  # type: ignore[misc]
+            return here, j, 1e-12 * (1 + abs(problem.value(here)))
+        found = problem.zero(here, there, lambda p, j=j: float(p.margins[j]))  # type: ignore[misc]
         if found is None:
             return None
         distance = float(np.linalg.norm(found[0].u - here.u))
@@ -143,9 +143,9 @@ def _border(
 
 
 def _boundary(
-    walk: EquilibriumProblem, point: EquilibriumPoint, j: int, width: float
+    problem: EquilibriumProblem, point: EquilibriumPoint, j: int, width: float
 ) -> tuple[Special, tuple[EquilibriumProblem, EquilibriumPoint] | None]:
-    """The boundary equilibrium at a point, and the walk and first point of the mode beside, where there is one."""
+    """The boundary equilibrium at a point, and the problem and first point of the mode beside, where there is one."""
     e = point.equilibrium
     mu = e.system.model.multipliers[j]
     side, kink = e.sides[j], mu.kind == "switch" and mu.regularity == "kink"
@@ -162,16 +162,16 @@ def _boundary(
         what = f"{mu.symbol} reaches {new}: the pseudo-equilibrium leaves {mu.surface} = 0"
     else:
         what = f"{mu.surface} = 0 is met at {mu.symbol} = {side}: a pseudo-equilibrium is held there"
-    kind = "end of the set" if walk.along_state else "boundary equilibrium"
+    kind = "end of the set" if problem.along_state else "boundary equilibrium"
     mult = e.mult.copy()
     mult[j] = new if mu.kind == "switch" and new else 0.0 if mu.kind == "contact" else side if not kink else new
     sides = (*e.sides[:j], new, *e.sides[j + 1 :])
     beside = replace(e, mult=mult, sides=sides, message="")
-    cycle = None if walk.along_state else cycle_born(e, j)
-    bifurcation = Special(kind, walk.values(point), e, width, note=what, cycle=cycle)
-    if walk.along_state:
+    cycle = None if problem.along_state else cycle_born(e, j)
+    bifurcation = Special(kind, problem.values(point), e, width, note=what, cycle=cycle)
+    if problem.along_state:
         return bifurcation, None
-    after = walk.in_mode_of(beside)
+    after = problem.in_mode_of(beside)
     there = after.point(after.first, np.ones(len(after.first)))
     if (
         there is None
@@ -182,7 +182,7 @@ def _boundary(
     if there.slopes[j] < 0:
         there = after.point(after.first, -there.tangent)
         assert there is not None
-    q, ahead = point.tangent[walk.place], there.tangent[after.place]
+    q, ahead = point.tangent[problem.place], there.tangent[after.place]
     out = np.sign(point.slopes[j])  # 1 where a virtual branch comes back
     if min(abs(q), abs(ahead)) > 1e-9:
         kind += ": persistence" if q * ahead * -out > 0 else ": nonsmooth fold"

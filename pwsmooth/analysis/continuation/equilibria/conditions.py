@@ -12,7 +12,7 @@ smooth where eigenvalues meet too; where it vanishes, mu_1 mu_2 tells a Hopf poi
 Source: Kuznetsov, Elements of Applied Bifurcation Theory, chapters 8 and 10; di Bernardo, Budd, Champneys, Kowalczyk,
 Piecewise-smooth Dynamical Systems, 2008, ch. 5, for boundary equilibria.
 
-Chain: equilibria.py, equilibrium_stability.py -> **equilibrium_conditions** -> equilibrium_curves.py.
+Chain: statics.py, stability.py -> **conditions** -> problem.py, ways.py.
 """
 
 from __future__ import annotations

@@ -2,10 +2,10 @@
 
     F(u) = (f, h_J) = 0,   c(u) = 0,   tau . (u - u0) = ds,   u = (x, lam_J, p, q),   each in a unit of its own
 
-c is that of equilibrium_conditions.py. Where the equilibrium comes to the border of its mode, the curve ends: beyond it
+c is that of conditions.py. Where the equilibrium comes to the border of its mode, the curve ends: beyond it
 is virtual.
 
-Chain: equilibrium_ways.py, equilibrium_branches.py -> **equilibrium_curves** -> curves.py.
+Chain: problem.py, ways.py -> **curves** -> two_parameters.py.
 """
 
 from __future__ import annotations

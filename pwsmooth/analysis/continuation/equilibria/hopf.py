@@ -7,7 +7,7 @@ parameter, as behind a flip (continuation.branch_off). Where other directions gr
 over in segments, which begin along the ellipse.
 
 Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the eigenvectors as predictor.
-Chain: equilibrium_branch.py, arclength.py -> **hopf**.
+Chain: special.py, orbit_problem.py -> **hopf**.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ...maps.sections import Section, poincare_map
 from ...maps.seen import Return
 from ...maps.segments import TOO_LONG, Segments
 from ...orbits.periodic_orbit import PeriodicOrbit, none_found
-from ..arclength import OrbitProblem, in_units, leaves
+from ..orbit_problem import OrbitProblem, in_units, leaves
 from ..special import Special
 
 __all__ = ["cycle_from"]
@@ -118,11 +118,11 @@ def cycle_from(
     first = PeriodicOrbit(
         map_, e.x, 0.0, nothing[0], (), 0.0, 0, True, "", segments=pieces if number > 1 else None
     )
-    walk = OrbitProblem(first, name, 1.0, unit)
+    problem = OrbitProblem(first, name, 1.0, unit)
     normal = np.append(ahead.ravel() / np.linalg.norm(ahead), 0.0)
-    begun = np.append(np.tile(e.x, number), at) / walk.sizes
-    guess = begun + np.append(amplitude * ahead.ravel(), 0.0) / walk.sizes
-    point = walk.correct(guess, normal, normal)
+    begun = np.append(np.tile(e.x, number), at) / problem.sizes
+    guess = begun + np.append(amplitude * ahead.ravel(), 0.0) / problem.sizes
+    point = problem.correct(guess, normal, normal)
     lost = "give another `amplitude`, a smaller one as a rule, or a section in `seen` that the cycle crosses."
     if point is None:
         return none_found(map_, e.x, f"no orbit was found at this distance from the Hopf point: {lost}")
@@ -130,7 +130,7 @@ def cycle_from(
     if np.linalg.norm(orbit.x - e.x) < _SMALLEST * amplitude * np.linalg.norm(ahead[0]):
         return none_found(map_, e.x, f"no orbit was found but the equilibrium itself: {lost}")
     if (
-        leaves(walk, begun, hopf.uncertainty, point, normal) is None
+        leaves(problem, begun, hopf.uncertainty, point, normal) is None
         or not _TURNS < orbit.period / period < 1 / _TURNS
     ):
         return none_found(map_, e.x, f"found was an orbit that does not come from the Hopf point: {lost}")

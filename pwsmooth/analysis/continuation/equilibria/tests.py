@@ -4,7 +4,7 @@
     branch; with a linear switch a two-fold)
 
 Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the smooth ones.
-Chain: problem.py, branch.py -> **tests** -> branches.py.
+Chain: problem.py, special.py -> **tests** -> branches.py.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from ..special import Special
 from .problem import EquilibriumPoint, EquilibriumProblem
 
 
-def between(walk: EquilibriumProblem, here: EquilibriumPoint, there: EquilibriumPoint) -> list[Special]:
+def between(problem: EquilibriumProblem, here: EquilibriumPoint, there: EquilibriumPoint) -> list[Special]:
     """Bifurcations between two points of one mode."""
-    tests: dict[str, Callable[[EquilibriumPoint], float]] = {"fold": lambda p: float(p.tangent[walk.place])}
-    if not walk.along_state:
+    tests: dict[str, Callable[[EquilibriumPoint], float]] = {"fold": lambda p: float(p.tangent[problem.place])}
+    if not problem.along_state:
         tests["branch point"] = _bordered
     tests |= {"Hopf": lambda p: _pairs(p.equilibrium.eigenvalues), "layer": _layer_determinant}
     if len(here.equilibrium.layer_eigenvalues) > 1:
         tests["layer Hopf"] = lambda p: _pairs(p.equilibrium.layer_eigenvalues)
-    for event in walk.statics.system.model.events:
+    for event in problem.statics.system.model.events:
         if event.surface is not None and not event.singular:
             tests[f"event {event.name}"] = _event_surface(event.surface)
     found: list[Special] = []
@@ -40,24 +40,26 @@ def between(walk: EquilibriumProblem, here: EquilibriumPoint, there: Equilibrium
         a, b = test(here), test(there)
         if not a * b < 0:
             continue
-        at = walk.zero(here, there, test)
+        at = problem.zero(here, there, test)
         if at is None or abs(test(at[0])) > 1e-4 * max(abs(a), abs(b)):
             continue  # a pole: eigenvalues go through infinity where the layer folds
-        if (named := _named(walk, kind, here, *at)) is not None:
+        if (named := _named(problem, kind, here, *at)) is not None:
             found.append(named)
     # Where all of x is held, the layer's fold is that of the branch.
     layer = [b for b in found if b.kind == "hidden fold"]
-    near = [b for b in found if b.kind == "fold" and any(abs(b.parameter - c.parameter) <= 1e-7 * walk.sizes[walk.place]
-                                                         for c in layer)]  # fmt: skip
+    width = 1e-7 * problem.sizes[problem.place]
+    near = [
+        b for b in found if b.kind == "fold" and any(abs(b.parameter - c.parameter) <= width for c in layer)
+    ]
     found = [b for b in found if b not in near]
     return sorted(found, key=lambda b: float(np.linalg.norm(b.point.x - here.equilibrium.x)))
 
 
 def _named(
-    walk: EquilibriumProblem, kind: str, here: EquilibriumPoint, point: EquilibriumPoint, width: float
+    problem: EquilibriumProblem, kind: str, here: EquilibriumPoint, point: EquilibriumPoint, width: float
 ) -> Special | None:
     e = point.equilibrium
-    made_ = Special(kind, walk.values(point), e, width)
+    made_ = Special(kind, problem.values(point), e, width)
     if kind == "Hopf":
         w = _critical(e.eigenvalues)
         if w is None:

@@ -1,6 +1,6 @@
 """A curve of equilibria to one side: what is met on its way, what begins there, and why it ends.
 
-Chain: problem.py, way.py, codimension.py -> **ways** -> curves.py.
+Chain: problem.py, way.py, special.py -> **ways** -> curves.py.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
     P(x; p, q) = x,   c(x, p, q, e) = 0,   u = (x, p/scale, q/scale, e)
 
-Chain: arclength.py, conditions/ -> **walk** -> ways.py.
+Chain: orbit_problem.py, conditions/ -> **problem** -> ways.py.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from ...orbits.finding import refine
 from ...orbits.fixed_points import TOLERANCE, orbit_of, pinned
 from ...orbits.periodic_orbit import PeriodicOrbit
 from ...orbits.recutting import anew, at_section, exact, narrowed
-from ..arclength import EASY, NEAR, OrbitPoint, OrbitProblem, quiet_time
 from ..conditions import captures
 from ..conditions.captures import AtFold, Capture
 from ..conditions.conditions import Condition, Place, along, differences, place_of, units_of_unknowns
 from ..conditions.tangencies import AtEvent
+from ..orbit_problem import EASY, NEAR, OrbitPoint, OrbitProblem, quiet_time
 from ..problem import Equations, Problem
 
 HARDLY = 1e-5  # in the unit of dh/dt: the speed of a release that may as well be none
@@ -79,7 +79,7 @@ class CurveProblem(OrbitProblem):
         self.take(map_, len(x), held)
 
     def take(self, map_: Any, n: int, held: bool) -> None:
-        """From now on with this map, of n unknowns: those of segments are counted as in arclength.py."""
+        """From now on with this map, of n unknowns: those of segments are counted as in orbit_problem.py."""
         self.map: Any = map_
         self.n = self.place = n
         self.held = held

@@ -5,7 +5,7 @@
 Each state has a unit of its own, of the size of its motion. Of an orbit in N segments x is the points at which these
 begin, over sqrt(N), so that an arc is as long as with one.
 
-Chain: problem.py, orbits/fixed_points.py -> **arclength** -> bifurcations.py, branches.py.
+Chain: problem.py, orbits/fixed_points.py -> **orbit_problem** -> bifurcations.py, branches.py.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ class OrbitProblem(Problem):
         return least <= value <= min(high + more, high / 2 if high < 0 else math.inf)
 
     def late(self) -> bool:
-        """Whether the time of the whole walk is up."""
+        """Whether the time of the whole problem is up."""
         return self.until is not None and self.until.late()
 
     def _trial(self) -> Budget:
@@ -288,13 +288,13 @@ class OrbitProblem(Problem):
         return self.point(other, np.append(self._scaled(way), here.tangent[-1]))
 
     def derivative(self, point: OrbitPoint) -> np.ndarray:
-        """The derivative of the map at a point, in the units of the walk."""
+        """The derivative of the map at a point, in the units of the problem."""
         J = point.image.jacobian
         units = np.tile(self.unit, len(J) // len(self.unit))
         return J * units / units[:, None]
 
     def _scaled(self, way: np.ndarray) -> np.ndarray:
-        """A way of all points at which segments begin, in the units of the walk."""
+        """A way of all points at which segments begin, in the units of the problem."""
         return way / _weighted(np.tile(self.unit, len(way) // len(self.unit)), self.unit)
 
     def rescaled(self, here: OrbitPoint) -> OrbitPoint:
@@ -381,27 +381,27 @@ def same_state(one: np.ndarray, other: np.ndarray, unit: np.ndarray) -> bool:
 
 
 def leaves(
-    walk: OrbitProblem, begun: np.ndarray, uncertainty: float, point: OrbitPoint, normal: np.ndarray
+    problem: OrbitProblem, begun: np.ndarray, uncertainty: float, point: OrbitPoint, normal: np.ndarray
 ) -> OrbitPoint | None:
     """The point of a branch with a quarter of a point's amplitude, if the branch comes from its beginning to that one.
 
     With half of the amplitude a point is nearer by half, as its parameter is at least.
     """
     for _ in range(2):
-        half = walk.correct(begun + 0.5 * (point.u - begun), normal, normal)
+        half = problem.correct(begun + 0.5 * (point.u - begun), normal, normal)
         if half is None:
             return None
         off, nearer = (float(np.linalg.norm(p.u - begun)) for p in (point, half))
         moved, less = (abs(float(p.u[-1] - begun[-1])) for p in (point, half))
-        if nearer > _NEARER * off or less > _NEARER * moved + 2 * uncertainty / walk.scale:
+        if nearer > _NEARER * off or less > _NEARER * moved + 2 * uncertainty / problem.scale:
             return None
         point = half
     return point
 
 
-def slopes_apart(walk: OrbitProblem, one: OrbitPoint, other: OrbitPoint) -> float:
+def slopes_apart(problem: OrbitProblem, one: OrbitPoint, other: OrbitPoint) -> float:
     """How much the derivatives of the map at two points differ, relative to 1 or to their size if that is more."""
-    a, b = (walk.derivative(point) for point in (one, other))
+    a, b = (problem.derivative(point) for point in (one, other))
     if a.shape != b.shape:
         return 0.0
     return float(np.abs(a - b).max(initial=0.0)) / max(1.0, np.abs(a).max(initial=0.0))
