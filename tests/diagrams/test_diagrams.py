@@ -176,6 +176,8 @@ def test_folds_of_equilibria_have_curves(tmp_path):
     p, q = curve.values
     assert np.abs(27 * p**2 - 4 * q**3).max() < CLOSE and [point.kind for point in found.specials] == ["cusp"]
     found.save(tmp_path / "set.zarr")
+    with pytest.raises(ValueError, match="a cusp of a set of curves, without its orbit"):
+        follow(found.specials[0], {a: (-1, 1), b: (-1, 1.5)})
     stored = read_diagram(tmp_path / "set.zarr")
     assert [curve.kind for curve in stored.curves] == ["fold"] and stored.specials == found.specials
     data = stored.to_dataset()

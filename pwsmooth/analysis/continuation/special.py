@@ -162,6 +162,11 @@ class Special:
         ValueError
             Nothing of that kind begins there, or several kinds do and none is given.
         """
+        if self.point is None:
+            raise ValueError(
+                f"`start` is a {self.kind} of a set of curves, without its orbit; take it from the curve itself, which "
+                "`follow` gives."
+            )
         if not self.leads:
             raise ValueError(f"`start` is a {self.kind}, at which no other curve begins that is followed.")
         found = [lead for lead in self.leads if kind in (None, lead.kind)]

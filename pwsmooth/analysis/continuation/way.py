@@ -46,7 +46,7 @@ class Way:
     def __init__(self, problem: Any, how: How) -> None:
         self.problem, self.how, self.virtual = problem, how, how.virtual
         step, self.longest, self.shortest = how.lengths
-        self.first = min(step, self.longest)
+        self.first = self.ds = min(step, self.longest)  # `ds`: the next step's
         self.points: list[Any] = []
         self.specials: list[Any] = []
         self.places: list[int] = []
@@ -93,7 +93,7 @@ class Way:
 
     def follow(self, first: Any, here: Any = None) -> Way:
         """All points from the first one on, which is walked from as `here`."""
-        self.points, self.ds = [first], self.first
+        self.points = [first]
         here, looked_at = first if here is None else here, None
         while not self.end:
             problem = self.problem  # another one where the mode has changed
@@ -122,9 +122,8 @@ class Way:
                 there, border = problem.within(here, there)
             points, specials = len(self.points), len(self.specials)
             met = None if there is None else self.met(here, there)
-            last = (
-                self.points[-1] if len(self.points) > points else met
-            )  # where it ends on the way, or the next one
+            # Where it ends on the way, or the next point.
+            last = self.points[-1] if len(self.points) > points else met
             if self.how.tests and last is not None:
                 self._tested(here, last, points, specials)
             if self.end:
@@ -169,14 +168,15 @@ class Way:
         self.points.append(point)
         self.end = why
 
-    def turned(self, here: Any, there: Any, made: Callable[[str, Any], Any]) -> None:
+    def turned(self, here: Any, there: Any) -> None:
         """Notes where the branch turns back in one of its parameters between two points."""
-        for k, name in enumerate(self.problem.names, self.problem.place):
+        problem = self.problem
+        for k, name in enumerate(problem.names, problem.place):
             rates = here.tangent[k], there.tangent[k]
             if rates[0] * rates[1] < 0 and max(np.abs(rates)) > _TURNS:
-                point = zero_between(self.problem, here, there, lambda p, k=k: float(p.tangent[k]), 1e-12)  # type: ignore[misc]
+                point = zero_between(problem, here, there, lambda p, k=k: float(p.tangent[k]), 1e-12)  # type: ignore[misc]
                 if point is not None:
-                    self.turns.append(made(f"turns in {name}", point))
+                    self.turns.append(Special(f"turns in {name}", problem.values(point), point.item))
 
     def _closes(self) -> bool:
         """Whether the last step has passed the first point, along the same way."""

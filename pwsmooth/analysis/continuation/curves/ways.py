@@ -113,7 +113,7 @@ class CurveWay(Way):
             self._add(name, spot, why, leads(problem, spot, name))
             if why and not (self.virtual and "virtual" in why):
                 return self.ends_at(spot, f"{name} at {problem.where(spot)}: {why}.")
-        self.turned(here, there, lambda name, spot: Special(name, problem.values(spot), spot.orbit))
+        self.turned(here, there)
         if there.twin and not here.twin:
             name = f"{problem.condition.kind} twice"
             # Chords lead from one curve to the other there.

@@ -86,7 +86,7 @@ class EquilibriumCurveWay(Way):
                 name = f"{condition.kind} + {BOUNDARY}" if condition.kind != BOUNDARY else f"{BOUNDARY} twice"
                 why = "beyond it the equilibrium is virtual" if a > 0 and not self.virtual else ""
                 found.append((at, name, why, self._leads(name, at, j)))
-        self.turned(here, there, lambda name, at: Special(name, problem.values(at), at.equilibrium))
+        self.turned(here, there)
         chord = there.u - here.u
         for at, name, why, leads in sorted(found, key=lambda one: (one[0].u - here.u) @ chord):
             self.add([Special(name, problem.values(at), at.equilibrium, note=why, leads=leads)])
