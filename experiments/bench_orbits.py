@@ -71,7 +71,7 @@ def tasks():
         "fundamental matrix, tape": (lambda: variations(run), 1),
         "fundamental matrix, collocation": (lambda: variations(without), 1),
         "find_orbit": (lambda: find_orbit(system, near, seen=Strobe(2 * sp.pi)), 1),
-        "follow, an orbit": (lambda: follow(orbit, {"sigma": 3.3}), len(branch.orbits)),
+        "follow, an orbit": (lambda: follow(orbit, {"sigma": 3.3}), len(branch.points)),
         "multipliers, a value": (multipliers, len(values)),
         "exponent": (exponents(1), 1),
         "all exponents": (exponents(3), 1),

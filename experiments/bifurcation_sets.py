@@ -57,7 +57,7 @@ from pwsmooth import Strobe, diagram, follow, sweep
 from pwsmooth.analysis.continuation import Steps
 from pwsmooth.analysis.maps import Stroboscopic
 from pwsmooth.analysis.orbits import refine
-from pwsmooth.diagrams.growing import Grown
+from pwsmooth.diagrams.line import Line
 from pwsmooth.plotting import new_figure
 from pwsmooth.studies import Period, Points, Work
 
@@ -178,7 +178,7 @@ def borders(orbit, names, ranges) -> list[tuple[str, dict, str]]:
             last = min([*np.flatnonzero(~branch.stable), *back[:1] + 1, len(branch.stable)])
             # The first place at which it turns back, jumps, or loses its stability, be it for less than a step.
             ends = [
-                b for b, place in zip(branch.bifurcations, branch.places)
+                b for b, place in zip(branch.specials, branch.places)
                 if place <= last and (
                     b.kind in SMOOTH or b.jumps or b.kind == "jump of the orbit"
                     or b.beyond is not None and not (b.beyond.stable and b.beyond.isolated)
@@ -198,7 +198,7 @@ def borders(orbit, names, ranges) -> list[tuple[str, dict, str]]:
 
 def distance(curves: list[dict], at: np.ndarray, name: str) -> float:
     """Of a point of the plane to the nearest curve, in parts of the ranges."""
-    lines = (Grown({"values": np.array(curve["values"])}, {}) for curve in curves)
+    lines = (Line({"values": np.array(curve["values"])}, {}) for curve in curves)
     return min((line.distance(at, np.ptp(SETS[name][2], axis=1))[0] for line in lines), default=np.inf)
 
 
@@ -254,7 +254,7 @@ def plane(name: str, config: Config) -> dict:
         for line, d in zip(found.lines, found.diagrams)
     ]  # fmt: skip
     return {
-        "curves": curves, "points": [{"name": p.name, "at": p.at, "curves": p.curves} for p in found.points],
+        "curves": curves, "points": [{"name": p.kind, "at": list(p.values.values())} for p in found.specials],
         "diagrams": diagrams, "lost": found.lost,
         "seconds": {key: round(value, 1) for key, value in seconds.items()},
     }  # fmt: skip

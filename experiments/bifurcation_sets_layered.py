@@ -158,7 +158,7 @@ def the_set(config: Config) -> dict:
                 for to in config.drives:
                     branch = follow(orbit, {"sigma": to}, steps=Steps(longest=0.05))
                     seen.append(branch)
-                    for one in branch.bifurcations:
+                    for one in branch.specials:
                         new = _added(one, ratio, curves, ranges, lost, config)
                         if new and one.kind in ("flip", "symmetry breaking") and orbit.map.count < 4:
                             off = branch_off(one, 0.02)
@@ -168,7 +168,7 @@ def the_set(config: Config) -> dict:
 
 def _on(branch, orbit) -> bool:
     """Whether a branch has come by an orbit."""
-    one = branch.orbits[0]
+    one = branch.points[0]
     if one.map.count != orbit.map.count or one.symmetric != orbit.symmetric:
         return False
     drive = float(orbit.system.parameters[next(p for p in orbit.system.parameters if p.name == "sigma")])
@@ -186,27 +186,27 @@ def _on(branch, orbit) -> bool:
 def _added(one, ratio: float, curves: list[dict], ranges, lost: Counter, config: Config) -> bool:
     """Adds the curve of a bifurcation that lies on none so far; whether it did."""
     at = (ratio, one.parameter)
-    same = [c for c in curves if c["kind"] == one.kind and c["called"] == _called(one.orbit)]
+    same = [c for c in curves if c["kind"] == one.kind and c["called"] == _called(one.point)]
     if distance(at, same, config) < 5e-3 if same else False:
         return False
     if one.kind == "crossing-sliding" and ratio > critical_ratio(3):
         # The fold captures, and the layer's state says nothing: a line.
         line = [[critical_ratio(3), config.ratios[1]], [one.parameter] * 2]
         curves.append(
-            {"kind": one.kind, "called": _called(one.orbit), "values": line, "ends": [], "points": []}
+            {"kind": one.kind, "called": _called(one.point), "values": line, "ends": [], "points": []}
         )
         return False
     try:
         curve = follow(one, ranges, steps=Steps(longest=0.03))
     except ValueError as error:
         curve, said = None, str(error)
-    if curve is None or len(curve.orbits) < 2:
+    if curve is None or len(curve.points) < 2:
         said = said if curve is None else curve.ends[0]
         lost[f"{one.kind}: {said[:100]}"] += 1
         return False
     curves.append({
-        "kind": one.kind, "called": _called(one.orbit), "values": np.round(curve.values, 10), "ends": list(curve.ends),
-        "points": [{"name": p.name, "at": list(p.values.values())} for p in curve.points],
+        "kind": one.kind, "called": _called(one.point), "values": np.round(curve.values, 10), "ends": list(curve.ends),
+        "points": [{"name": p.kind, "at": list(p.values.values())} for p in curve.specials],
     })  # fmt: skip
     return True
 
@@ -242,11 +242,11 @@ def borders(orbit, config: Config) -> list[tuple[str, tuple[float, float], str]]
             begin, end = branch.values[max(last - 1, 0)], branch.values[min(last, len(stable) - 1)]
             low, high = sorted((begin, end))
             width = abs(high - low) + 1e-9
-            ends = [b for b in branch.bifurcations if low - width <= b.parameter <= high + width]
+            ends = [b for b in branch.specials if low - width <= b.parameter <= high + width]
             if last == len(stable):
                 if branch.end.startswith("reached"):
                     continue
-                ends = branch.bifurcations[-1:]  # it ended, or turned, while it was stable
+                ends = branch.specials[-1:]  # it ended, or turned, while it was stable
             kind = ends[-1].kind if ends else "end"
             at = ends[-1].parameter if ends else float(end)
             place = {**values, name: float(at)}

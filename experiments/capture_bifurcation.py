@@ -96,7 +96,7 @@ def orbit(kind):
     symmetry = None if kind == "one stick" else MIRROR
     found = find_orbit(layered(ratio, sigma=drive), start, seen=Strobe(PERIOD, symmetry=symmetry), transient=60)
     # Where a saddle is in the layer of its crossings.
-    return follow(found, {sigma: 3.8}).orbits[-1] if kind == "slip only" else found
+    return follow(found, {sigma: 3.8}).points[-1] if kind == "slip only" else found
 
 
 def curve(kind, over, config):
@@ -104,10 +104,10 @@ def curve(kind, over, config):
     ranges = {"ratio_z": config.ratios, over: config.drives if over == "sigma" else config.frequencies}
     found = follow(orbit(kind), ranges, kind="capture", steps=Steps(first=0.05, longest=config.longest_step))
     orbits = [
-        {"multiplier": float(max(abs(one.multipliers))), "stick": stuck(one)} for one in found.orbits
+        {"multiplier": float(max(abs(one.multipliers))), "stick": stuck(one)} for one in found.points
     ] if over == "sigma" else []  # fmt: skip
     return {"kind": kind, "over": over, "values": found.values, "orbits": orbits,
-            "ends": [[p.name, list(p.values.values())] for p in found.points]}  # fmt: skip
+            "ends": [[p.kind, list(p.values.values())] for p in found.specials]}  # fmt: skip
 
 
 def stuck(one):
@@ -125,8 +125,8 @@ def branches():
         at = [k for k, r in enumerate(branch.values) if (r >= end.parameter) == (to < 0.1)]
         found.append({
             "kind": kind, "end": end.parameter, "bar": end.error if hasattr(end, "error") else None,
-            "r": branch.values[at], "stick": [stuck(branch.orbits[k]) for k in at],
-            "multiplier": [float(max(abs(branch.orbits[k].multipliers))) for k in at],
+            "r": branch.values[at], "stick": [stuck(branch.points[k]) for k in at],
+            "multiplier": [float(max(abs(branch.points[k].multipliers))) for k in at],
         })  # fmt: skip
     return found
 
@@ -145,10 +145,10 @@ def from_force(kind, over, value):
     if branch is not None:
         # In the two-stage view a stick is lost where its own arrival exceeds N: from there on it is another orbit.
         if not branch.end.startswith("reached") or any(
-            one.kind.startswith("jump") for one in branch.bifurcations
+            one.kind.startswith("jump") for one in branch.specials
         ):
             return None
-        found, values = branch.orbits[-1], {**values, over: float(value)}
+        found, values = branch.points[-1], {**values, over: float(value)}
     run = found.solution()
     what = "stick" if kind == "two sticks" else "crossing"
     event = next(e for e in run.events if e.kind == what)

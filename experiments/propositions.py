@@ -128,10 +128,10 @@ def rest_end(beta, *, A=0.0, offset=0.0, over="A", to=3.0):
     first = find_orbit(rest, {osc.z: 0.8}, transient=20, **options)
     branch = follow(first, {over: to}, steps=Steps(shortest=1e-10, max_points=80))
     last = int(np.argmax(branch.values))  # where it turns
-    rising = [seen(orbit) for orbit in branch.orbits[: last + 1]]
+    rising = [seen(orbit) for orbit in branch.points[: last + 1]]
     slips = next((i for i, (lam, _, _) in enumerate(rising) if lam > 1), None)
     if slips is not None:  # before the periodic z ends
-        near = branch.orbits[slips - 1].x
+        near = branch.points[slips - 1].x
 
         def beyond(value):
             return seen(find_orbit(rest.with_parameters({over: value}), near, **options))[0] - 1

@@ -128,17 +128,17 @@ def limit(field, values, period, low, high):
         narrow = (
             np.ptp(branch.values[-10:]) < ROUNDED
         )  # a canard explosion, over which A does not change any more
-        if branch.bifurcations or narrow or not branch.end.startswith("stopped"):
+        if branch.specials or narrow or not branch.end.startswith("stopped"):
             break
-    if branch.bifurcations:
-        first = branch.bifurcations[0]
+    if branch.specials:
+        first = branch.specials[0]
         how = "saddle-node" if first.kind == "fold" else "|lam| = 1"
-        return float(first.parameter), how, float(first.orbit.x[0])
+        return float(first.parameter), how, float(first.point.x[0])
     if not narrow and not any(
         words in branch.end for words in ("trajectories from there do", "no orbit was found")
     ):
         raise RuntimeError(f"{values}: {branch.end}")
-    last = branch.orbits[int(np.argmax(branch.values))]
+    last = branch.points[int(np.argmax(branch.values))]
     return float(branch.values.max()), "canard", float(last.x[0])
 
 

@@ -82,10 +82,10 @@ def fold_of_sticks(config: Config) -> dict:
     orbit = find_orbit(hidden(rho=3), start, seen=Strobe(DRIVE), transient=config.transient)
     branch = follow(orbit, {"rho": 0})
     found = branch.of_kind("fold")[0]
-    events = [e for run in found.orbit.runs() for e in run.events]
+    events = [e for run in found.point.runs() for e in run.events]
     begin, end = (next(e.time for e in events if e.kind.startswith(kind)) for kind in ("stick", "slip"))
     return {
-        "rho": found.parameter, "stick time": (end - begin) % found.orbit.period, "end": branch.end,
+        "rho": found.parameter, "stick time": (end - begin) % found.point.period, "end": branch.end,
     }  # fmt: skip
 
 

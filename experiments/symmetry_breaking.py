@@ -85,13 +85,13 @@ def run(config):
         "breaking": [{"rtol": r, "sigma": b.parameter} for r, b in zip(config.tolerances, breaking)],
         "symmetric": {
             "sigma": symmetric.values,
-            "multiplier": [orbit.map_multipliers[0].real for orbit in symmetric.orbits],
+            "multiplier": [orbit.map_multipliers[0].real for orbit in symmetric.points],
         },
         "pair": {
             "sigma": pair.values,
-            "multiplier": [orbit.multipliers[0].real for orbit in pair.orbits],
-            "asymmetry": [abs(asymmetry(orbit)) for orbit in pair.orbits],
-            "bifurcations": [str(b).split("\n")[0] for b in pair.bifurcations],
+            "multiplier": [orbit.multipliers[0].real for orbit in pair.points],
+            "asymmetry": [abs(asymmetry(orbit)) for orbit in pair.points],
+            "bifurcations": [str(b).split("\n")[0] for b in pair.specials],
         },
         "settled": {"sigma": config.settled_at, "asymmetry": np.abs(settled)},
     }

@@ -5,8 +5,6 @@ from .. import on_first_use
 __all__ = [
     "BifurcationSet",
     "Diagram",
-    "Found",
-    "Meeting",
     "diagram",
     "read_diagram",
 ]
@@ -14,8 +12,6 @@ __all__ = [
 _HOME = {
     "BifurcationSet": "sets",
     "Diagram": "result",
-    "Found": "result",
-    "Meeting": "sets",
     "diagram": "calling",
     "read_diagram": "sets",
 }

@@ -47,7 +47,7 @@ def marks(kinds: Iterable[str]) -> dict[str, tuple[str, str]]:
 
 
 def draw_diagram(diagram: Any, k: int, ax: Any) -> None:
-    """Branches, the orbit diagram behind them, bifurcations, and where no attractor is known."""
+    """Branches, the orbit diagram behind them, special points, and where no attractor is known."""
     low, high = diagram.range
     for number, (a, b) in enumerate(diagram.gaps):
         label = "no attractor known" if not number else None
@@ -71,20 +71,19 @@ def draw_diagram(diagram: Any, k: int, ax: Any) -> None:
                     label = style if style not in drawn else None
                     drawn.add(style)
                     ax.plot(
-                        branch.q[piece], rows[piece, turn, k], linestyle=LINE[style], color=COLOUR["exact"],
+                        branch.values[piece], rows[piece, turn, k], linestyle=LINE[style], color=COLOUR["exact"],
                         linewidth=1.2 if style == "stable" else 0.9, label=label, zorder=2,
                     )  # fmt: skip
-    found = diagram.bifurcations
-    for kind, (mark, colour) in marks(b.kind for b in found).items():
-        at = [(b.parameter, y) for b in found if b.kind == kind for y in _both(b)[:, k]]
+    found = diagram._located
+    for kind, (mark, colour) in marks(b["kind"] for b in found).items():
+        at = [(b["parameter"], y) for b in found if b["kind"] == kind for y in _both(b)[:, k]]
         ax.plot(*zip(*at), mark, color=colour, fillstyle="none", markersize=5, label=kind, zorder=3)
     ax.set(xlim=(low, high), xlabel=diagram.parameter, ylabel=_what(diagram, k))
 
 
-def _both(b: Any) -> np.ndarray:
-    """Points of a bifurcation's orbit and of its mirror image."""
-    mirrored = b.data.get("mirrored")
-    return b.points if mirrored is None else np.concatenate([b.points, mirrored])
+def _both(b: dict[str, Any]) -> np.ndarray:
+    """Points of a special point's orbit and of its mirror image."""
+    return np.concatenate([np.asarray(b[key]) for key in ("points", "mirrored") if b[key] is not None])
 
 
 def _what(diagram: Any, k: int) -> str:
@@ -117,9 +116,9 @@ def draw_set(found: Any, ax: Any) -> None:
                 label="virtual" if "virtual" not in labelled else None,
             )
             labelled.add("virtual")
-    points = found.points
-    for name, mark in zip(dict.fromkeys(p.name for p in points), itertools.cycle("osD^vP*X<>hp")):
-        at = [p.at for p in points if p.name == name]
-        ax.plot(*zip(*at), mark, color=COLOUR["mark"], fillstyle="none", markersize=5, label=name, zorder=3)
+    specials = found.specials
+    for kind, mark in zip(dict.fromkeys(one.kind for one in specials), itertools.cycle("osD^vP*X<>hp")):
+        at = [tuple(one.values.values()) for one in specials if one.kind == kind]
+        ax.plot(*zip(*at), mark, color=COLOUR["mark"], fillstyle="none", markersize=5, label=kind, zorder=3)
     (p, q), ranges = found.parameters, found.ranges
     ax.set(xlim=ranges[0], ylim=ranges[1], xlabel=p, ylabel=q)

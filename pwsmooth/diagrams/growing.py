@@ -6,7 +6,7 @@ Chain: plain.py -> **growing** -> sets.py, over_two.py.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,16 +17,13 @@ from ..analysis.continuation.following import follow
 from ..analysis.continuation.steps import Steps
 from ..analysis.equilibria.equilibrium import Equilibrium
 from ..analysis.maps.sections import Section, Stroboscopic
-from .plain import Setting, aligned, distance, made_bifurcation, points_of
-
-_BESIDE = 0.1  # of a step of the curve: its bend between two points is less
-_FLOOR = 1e-6  # of the ranges
+from .plain import Setting, aligned, points_of, special_of
 
 
 def grown(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
     """The curve of a task: {"arrays": ..., "about": ...}; only "about" with "lost" in words where there is none."""
     try:
-        bifurcation = made_bifurcation(task["bifurcation"], setting)
+        bifurcation = special_of(task["bifurcation"], setting)
         curve: Any = follow(
             bifurcation, task["ranges"], virtual=task["virtual"], steps=Steps(max_points=task["most"])
         )
@@ -36,10 +33,10 @@ def grown(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
         ValueError,
     ) as error:  # one that cannot be followed, as a rule
         return {"arrays": {}, "about": {"lost": str(error)}}
-    if len(curve._items) < 2:
+    if len(curve.points) < 2:
         return {"arrays": {}, "about": {"lost": "; ".join(curve.ends)}}
     n = len(setting.system.model.states)
-    pairs = [_points(item, setting, n) for item in curve._items]
+    pairs = [_points(item, setting, n) for item in curve.points]
     count = max(len(points) for points, _ in pairs)
     points, mirrored = (np.full((len(pairs), count, n), np.nan) for _ in range(2))
     for k, (own, other) in enumerate(pairs):
@@ -49,20 +46,21 @@ def grown(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
             mirrored[k, : len(other)] = np.roll(other, shift, axis=0)
     arrays = {
         "values": curve.values, "points": points, "mirrored": mirrored, "admissible": curve.admissible,
-        "size": np.array([_size(item) for item in curve._items]),
-        "period": np.array([getattr(item, "period", np.nan) for item in curve._items]),
+        "size": np.array([_size(item) for item in curve.points]),
+        "period": np.array([getattr(item, "period", np.nan) for item in curve.points]),
         **{f"test {name}": values for name, values in curve.tests.items()},
     }  # fmt: skip
     about = {
-        "lost": "", "kind": curve.kind, "ends": list(curve.ends),
-        "points": [{"name": p.name, "at": list(p.values.values()), "note": p.note} for p in curve.points],
+        "lost": "", "parameters": list(curve.parameters), "kind": curve.kind, "ends": list(curve.ends),
+        "equilibria": curve.of_equilibria,
+        "specials": [{"kind": p.kind, "at": list(p.values.values()), "note": p.note} for p in curve.specials],
     }  # fmt: skip
     return {"arrays": arrays, "about": about}
 
 
 def condition_of(data: Mapping[str, Any]) -> str | None:
     """The kind of the curve on which a bifurcation lies, given as data; None where no such curves are followed."""
-    kind, still = data["kind"], "frequency" in data
+    kind, still = data["kind"], data["point"].get("equilibrium", False)
     if still and kind.startswith(of_equilibria.BOUNDARY):
         kind = of_equilibria.BOUNDARY
     return kind if kind in (of_equilibria.FOLLOWED if still else FOLLOWED) else None
@@ -83,65 +81,3 @@ def _points(orbit: Any, setting: Setting, n: int) -> tuple[np.ndarray, np.ndarra
     if orbit.success and len(orbit.x) == n and isinstance(map_, (Stroboscopic, Section)):
         return points_of(replace(orbit, map=map_), setting)
     return np.full((1, n), np.nan), None
-
-
-@dataclass(frozen=True, eq=False)
-class Grown:
-    """A curve of a bifurcation set.
-
-    `arrays`: values (2, K) of both parameters, points (K, count, n) once a period, admissible, size (the largest
-    multiplier, or the rightmost eigenvalue), period, and test functions by "test " and their name. `about`: its kind,
-    ends, points of codimension 2.
-    """
-
-    arrays: Mapping[str, np.ndarray]
-    about: Mapping[str, Any]
-    origin: str = ""
-
-    @property
-    def kind(self) -> str:
-        return self.about["kind"]
-
-    @property
-    def values(self) -> np.ndarray:
-        return self.arrays["values"]
-
-    @property
-    def admissible(self) -> np.ndarray:
-        return self.arrays["admissible"]
-
-    @property
-    def ends(self) -> list[str]:
-        return self.about["ends"]
-
-    def distance(self, at: np.ndarray, widths: np.ndarray) -> tuple[float, int, float]:
-        """How far a point of the plane is, in units of the ranges; the way nearest to it, and its part before."""
-        u, v = (self.values / widths[:, None]).T, at / widths
-        a, b = u[:-1], u[1:]
-        chord = b - a
-        length = np.maximum((chord**2).sum(axis=1), 1e-300)
-        part = np.clip(((v - a) * chord).sum(axis=1) / length, 0.0, 1.0)
-        off = np.linalg.norm(a + part[:, None] * chord - v, axis=1)
-        k = int(np.argmin(off))
-        return float(off[k]), k, float(part[k])
-
-    def holds(
-        self, kind: str | None, at: np.ndarray, points: np.ndarray, widths: np.ndarray, setting: Setting
-    ) -> bool:
-        """Whether a bifurcation of this kind, at a point of the plane and of an orbit of these points, lies on it."""
-        if kind != self.kind:
-            return False
-        off, k, part = self.distance(at, widths)
-        u = self.values / widths[:, None]
-        if off > _BESIDE * float(np.linalg.norm(u[:, k + 1] - u[:, k])) + _FLOOR:
-            return False
-        compared = False
-        for name in ("points", "mirrored"):
-            a, b = self.arrays[name][k : k + 2]
-            if np.isnan(a).any() or np.isnan(b).any() or np.isnan(points).any():
-                continue
-            compared = True
-            chord = float(np.abs((b - a) / (setting.sizes + np.abs(a))).max())
-            if distance(points, a + part * (b - a), setting) <= 0.5 * chord + 1e-3:
-                return True
-        return not compared

@@ -26,7 +26,7 @@ from ..door import checks
 from ..results.records import Outcome
 from ..studies import Period, Points, Work, sweep
 from ..studies.identity import digest
-from .plain import Setting, told
+from .plain import Setting, data_of
 from .result import Diagram
 from .searching import Ends, Search
 from .tasks import Tasks
@@ -144,7 +144,7 @@ class Looking:
                 for line in search.lines
             ):
                 search.tree(task, f"equilibrium at {name} = {task['start']['parameters'][name]:.9g}")
-        tell(f"the orbit diagram over {name}")
+        tell(f"the orbit diagram over {name}: {self.values} values, starts {len(self.x0)}")
         ends = self.ends(name, bounds, values, sweeps)
         explained = np.zeros((0, 0), np.int64)
         if ends is not None:
@@ -216,7 +216,7 @@ def looking(
             raise ValueError("`x0` contains a periodic orbit; say by `seen` how it is seen, Strobe or Return.")
         if {p.name for p in orbit.system.parameters} != {p.name for p in system.parameters}:
             raise ValueError("`x0` contains an orbit of another system; give orbits of `system`.")
-        kept.append(told(orbit, setting))
+        kept.append(data_of(orbit, setting))
     if not (given or box):
         raise ValueError(
             "nothing to begin with: give `x0`, states, orbits or equilibria, or a `box` of equilibria."

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from ..door import checks
-from .growing import Grown, condition_of
+from .growing import condition_of
+from .line import Line
 from .result import Diagram
 from .searching import bare
 from .tasks import Task, Tasks
@@ -51,18 +52,18 @@ class Growing:
         self.common = {
             "ranges": dict(zip(names, map(list, bounds))), "most": max_points, "virtual": virtual,
         }  # fmt: skip
-        self.found: list[Grown] = []
+        self.found: list[Line] = []
         self.lost: list[str] = []
 
     def grow(self, diagrams: list[Diagram], held: list[tuple[str, float]]) -> None:
         starts = [
             (b, found.parameter, (name, value))
             for found, (name, value) in zip(diagrams, held)
-            for b in found.bifurcations
+            for b in found._located
         ]
-        others = Counter(b.kind for b, *_ in starts if condition_of(b.data) is None)
+        others = Counter(b["kind"] for b, *_ in starts if condition_of(b) is None)
         self.lost += [f"{number} of {kind}: no curves of it are followed." for kind, number in others.items()]
-        starts = [start for start in starts if condition_of(start[0].data) is not None]
+        starts = [start for start in starts if condition_of(start[0]) is not None]
         for number, start in enumerate(starts):
             if self.known(*start):
                 continue
@@ -71,38 +72,41 @@ class Growing:
                 return
             self.work.ask(itertools.islice(self.tasks(starts[number:]), self.work.workers.ahead))
             b, *_ = start
+            self.tell(f"curve {len(self.found) + 1}, of a {b['kind']}; {len(starts) - number} starts left")
             item = self.work.result(self.task(b))
             at = self.at(*start)
-            origin = f"{b.kind} at {self.names[0]} = {at[0]:.9g}, {self.names[1]} = {at[1]:.9g}"
+            origin = f"{b['kind']} at {self.names[0]} = {at[0]:.9g}, {self.names[1]} = {at[1]:.9g}"
             if item["about"]["lost"]:
                 self.lost.append(f"{origin}: {item['about']['lost']}")
                 continue
-            curve = Grown(item["arrays"], item["about"], origin)
+            curve = Line(item["arrays"], item["about"], origin)
             if not self.same(curve):
                 self.found.append(curve)
-            self.tell(f"{len(self.found)} curves")
 
     def tasks(self, starts: Any) -> Iterator[Task]:
         return (self.task(start[0]) for start in starts if not self.known(*start))
 
     def task(self, b: Any) -> Task:
-        return {"bifurcation": bare(b.data), **self.common}
+        return {"bifurcation": bare(b), **self.common}
 
     def at(self, b: Any, name: str, line: tuple[str, float]) -> np.ndarray:
-        values = {name: b.parameter, line[0]: line[1]}
+        values = {name: b["parameter"], line[0]: line[1]}
         return np.array([values[name] for name in self.names])
 
     def known(self, b: Any, name: str, line: tuple[str, float]) -> bool:
         at = self.at(b, name, line)
-        kind = condition_of(b.data)
-        return any(curve.holds(kind, at, b.points, self.widths, self.work.setting) for curve in self.found)
+        kind = condition_of(b)
+        return any(
+            curve.meets(kind, at, np.asarray(b["points"]), self.widths, self.work.setting)
+            for curve in self.found
+        )
 
-    def same(self, curve: Grown) -> bool:
+    def same(self, curve: Line) -> bool:
         """Whether a curve is one that is known, of which two of its points say so."""
         number = curve.values.shape[1]
         return any(
             all(
-                known.holds(
+                known.meets(
                     curve.kind, curve.values[:, k], curve.arrays["points"][k], self.widths, self.work.setting
                 )
                 for k in (number // 3, (2 * number) // 3)

@@ -19,8 +19,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..analysis.continuation.bifurcations import Bifurcation
-from ..analysis.continuation.equilibria.branch import EquilibriumBifurcation
+from ..analysis.continuation.special import Special
 from ..analysis.equilibria.equilibrium import Equilibrium
 from ..analysis.equilibria.finding import find_equilibrium
 from ..analysis.maps.sections import Section, Stroboscopic
@@ -62,7 +61,7 @@ def values_of(system: Any) -> dict[str, float]:
     return {p.name: float(value) for p, value in system.parameters.items()}
 
 
-def told(point: PeriodicOrbit | Equilibrium, setting: Setting) -> dict[str, Any]:
+def data_of(point: PeriodicOrbit | Equilibrium, setting: Setting) -> dict[str, Any]:
     """An orbit or an equilibrium as data."""
     if isinstance(point, Equilibrium):
         return {
@@ -84,7 +83,7 @@ def told(point: PeriodicOrbit | Equilibrium, setting: Setting) -> dict[str, Any]
     return data
 
 
-def made(data: Mapping[str, Any], setting: Setting) -> Any:
+def point_of(data: Mapping[str, Any], setting: Setting) -> Any:
     """The orbit or the equilibrium of data; without success where it is none."""
     if data.get("equilibrium"):
         system = setting.system.with_parameters(data["parameters"])
@@ -123,52 +122,47 @@ def map_of(data: Mapping[str, Any], setting: Setting) -> Any:
     return map_.with_parameters(data["parameters"])
 
 
-# ---- bifurcations
+# ---- special points
 
 
 def _letters(letters: Any) -> list[list[Any]]:
     return [[x.time, x.switch, x.kind, x.before, x.after] for x in letters]
 
 
-def told_bifurcation(b: Bifurcation | EquilibriumBifurcation, setting: Setting) -> dict[str, Any]:
-    """A bifurcation as data."""
+def data_of_special(b: Special, setting: Setting) -> dict[str, Any]:
+    """A special point of a branch as data."""
+    ((name, at),) = b.values.items()
     data: dict[str, Any] = {
-        "kind": b.kind, "name": b.name, "parameter": b.parameter, "uncertainty": b.uncertainty, "text": str(b),
+        "kind": b.kind, "name": name, "parameter": at, "uncertainty": b.uncertainty, "text": str(b), "note": b.note,
+        "point": data_of(b.point, setting), "frequency": b.frequency if math.isfinite(b.frequency) else None,
+        "lyapunov": b.lyapunov, "cycle": b.cycle,
     }  # fmt: skip
-    if isinstance(b, EquilibriumBifurcation):
-        more = {
-            "what": b.what,
-            "frequency": b.frequency if math.isfinite(b.frequency) else None,
-            "lyapunov": b.lyapunov,
-            "cycle": b.cycle,
-        }
-        return data | {"orbit": told(b.equilibrium, setting)} | more
-    data["orbit"] = told(b.orbit, setting)
     if b.change is not None:
         data["change"] = [b.change.name, _letters(b.change.before), _letters(b.change.after), b.change.time]
-    if b.beyond is not None:
-        data["beyond"] = told(b.beyond, setting)
+    if isinstance(b.beyond, PeriodicOrbit):
+        data["beyond"] = data_of(b.beyond, setting)
     if b.saddles:
-        data["saddles"] = [told(e, setting) for e in b.saddles]
+        data["saddles"] = [data_of(e, setting) for e in b.saddles]
     return data
 
 
-def made_bifurcation(data: Mapping[str, Any], setting: Setting) -> Any:
-    """The bifurcation of data."""
-    orbit = made(data["orbit"], setting)
-    four = data["kind"], data["name"], data["parameter"], data["uncertainty"]
-    if isinstance(orbit, Equilibrium):
-        frequency = math.nan if data["frequency"] is None else data["frequency"]
-        more = data["what"], frequency, data["lyapunov"], data["cycle"]
-        return EquilibriumBifurcation(*four, orbit, None, *more)
+def special_of(data: Mapping[str, Any], setting: Setting | None) -> Special:
+    """The special point of data; without a setting also without its orbit."""
     change = None
     if "change" in data:
         name, before, after, time = data["change"]
         gone, come = (tuple(Letter(*x) for x in part) for part in (before, after))
         change = Change(name, gone, come, time)
-    beyond = made(data["beyond"], setting) if "beyond" in data else None
-    saddles = tuple(made(e, setting) for e in data.get("saddles", ()))
-    return Bifurcation(*four, orbit, change, beyond, saddles)
+
+    def point(one: Mapping[str, Any] | None) -> Any:
+        return None if one is None or setting is None else point_of(one, setting)
+
+    return Special(
+        data["kind"], {data["name"]: data["parameter"]}, point(data["point"]), data["uncertainty"],
+        point(data.get("beyond")), data["note"], change,
+        () if setting is None else tuple(point_of(e, setting) for e in data.get("saddles", ())),
+        math.nan if data["frequency"] is None else data["frequency"], data["lyapunov"], data["cycle"],
+    )  # fmt: skip
 
 
 # ---- where an orbit is, whatever section it was found on

@@ -5,67 +5,28 @@ Chain: searching.py, drawing.py -> **result** -> looking.py.
 
 from __future__ import annotations
 
-import copy
+import functools
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..analysis.continuation.special import Special
 from ..door import checks
 from ..door.describe import Described, Rows, some
 from .line import Line, uncovered
-from .plain import Setting, made_bifurcation
+from .plain import Setting, special_of
 from .searching import IN_A_SET, NOWHERE, Ends
 from .tasks import RESULT, Store, write_group
 
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["Diagram", "Found"]
+__all__ = ["Diagram"]
 
 TITLE = "pwsmooth diagram"
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """A bifurcation in a diagram.
-
-    Attributes
-    ----------
-    kind : str
-        As of `Bifurcation` or `EquilibriumBifurcation`.
-    parameter : float, in the unit of the parameter
-        Its value.
-    uncertainty : float, in the unit of the parameter
-        Half width of the bracket.
-    branch : int
-        Number of the first branch on which it was met.
-    points : ndarray, shape (count, n)
-        The orbit's points once a period (its returns), in the units of the states.
-    text : str
-        In words.
-    data : dict
-        What it is made of, for `Diagram.bifurcation`.
-
-    Examples
-    --------
-    >>> from pwsmooth.diagrams import Found
-    >>> import numpy as np
-    >>> print(Found("flip", 3.0, 1e-10, 0, np.array([[2 / 3]]), "flip at a = 3"))
-    flip at a = 3
-    """
-
-    kind: str
-    parameter: float
-    uncertainty: float
-    branch: int
-    points: np.ndarray
-    text: str
-    data: dict[str, Any] = field(default_factory=dict, repr=False)
-
-    def __str__(self) -> str:
-        return self.text
+_OF_ENDS = ("values", "points", "cycle", "outcome")
 
 
 @checks.door()
@@ -82,7 +43,7 @@ class Diagram(Described):
     states : tuple of str
         Names of the states.
     branches : list of Line
-        In the order in which they were found, with `q`, `points`, `stable` and `origin`.
+        In the order in which they were found, with `values`, `stable`, `ends` and `origin`.
     ends : Ends or None
         The orbit diagram: where trajectories from the starts end.
     explained : ndarray of int, shape (values, starts)
@@ -98,7 +59,7 @@ class Diagram(Described):
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> logistic = System({x: 0 * x}, time=t, parameters={a: 3}, events=[Event(every=1, update={x: a * x * (1 - x)})])
     >>> found = diagram(logistic, {a: (2.8, 3.5)}, {x: 0.3}, Strobe(1, phase=0.5), values=8)
-    >>> [f"{b.kind} {b.parameter:.6f}" for b in found.bifurcations]
+    >>> [f"{b.kind} {b.parameter:.6f}" for b in found.specials]
     ['flip 3.000000', 'flip 3.449490']
     """
 
@@ -113,38 +74,24 @@ class Diagram(Described):
     strobed_by: str = "period"
     _setting: Setting | None = None
 
+    @functools.cached_property
+    def specials(self) -> list[Special]:
+        """Special points, each once, by the parameter, for `branch_off`, `cycle_from` and `follow` over two.
+
+        Those of a diagram that was read have no orbits: make the same call with its `store` for these.
+        """
+        return [special_of(data, self._setting) for data in self._located]
+
     @property
-    def bifurcations(self) -> list[Found]:
-        """All of them, each once, by the parameter."""
+    def _located(self) -> list[dict[str, Any]]:
+        """The same as data, with the number of the first branch on which each was met."""
         found = [
-            Found(b["kind"], b["parameter"], b["uncertainty"], k, np.asarray(b["points"]), b["text"], b)
+            {**b, "branch": k}
             for k, branch in enumerate(self.branches)
-            for b in branch.bifurcations
+            for b in branch.located
             if b.get("first")
         ]
-        return sorted(found, key=lambda b: b.parameter)
-
-    def bifurcation(self, found: Found) -> Any:
-        """A bifurcation as `branch_off`, `follow` and `cycle_from` take it.
-
-        Parameters
-        ----------
-        found : Found
-            One of `bifurcations`.
-
-        Returns
-        -------
-        Bifurcation or EquilibriumBifurcation
-            With its orbit.
-
-        Raises
-        ------
-        ValueError
-            A diagram read from a file, which does not have the system.
-        """
-        if self._setting is None:
-            raise ValueError("a diagram that was read has no system: call diagram() with the same `store`.")
-        return made_bifurcation(found.data, self._setting)
+        return sorted(found, key=lambda b: b["parameter"])
 
     @property
     def gaps(self) -> list[tuple[float, float]]:
@@ -202,8 +149,8 @@ class Diagram(Described):
         Returns
         -------
         xarray.Dataset
-            Points of all branches along "point", their branch in `branch`; states over (point, turn); bifurcations
-            along "bifurcation"; the orbit diagram over ("value", "start", "kept").
+            Points of all branches along "point", their branch in `branch`; states over (point, turn); special
+            points along "special"; the orbit diagram over ("value", "start", "kept").
         """
         from .dataset import dataset_of
 
@@ -225,15 +172,11 @@ class Diagram(Described):
         arrays: dict[str, np.ndarray] = {"explained": self.explained}
         branches = []
         for k, branch in enumerate(self.branches):
-            arrays |= {f"branch_{k}_{name}": values for name, values in branch.arrays.items()}
-            about = copy.deepcopy(branch.about)
-            for b in about["bifurcations"]:
-                b["points"] = np.asarray(b["points"]).tolist()
-                b["mirrored"] = None if b["mirrored"] is None else np.asarray(b["mirrored"]).tolist()
-            branches.append({"about": about, "origin": branch.origin, "depth": branch.depth})
+            own, words = branch.to_data(f"branch_{k}_")
+            arrays |= own
+            branches.append(words)
         if self.ends is not None:
-            ends = self.ends
-            arrays |= {f"ends_{key}": getattr(ends, key) for key in ("values", "points", "cycle", "outcome")}
+            arrays |= {f"ends_{key}": getattr(self.ends, key) for key in _OF_ENDS}
         about = {
             "parameter": self.parameter, "range": list(self.range), "states": list(self.states), "branches": branches,
             "lost": list(self.lost), "left": self.left, "strobed_by": self.strobed_by,
@@ -242,30 +185,23 @@ class Diagram(Described):
         return {"arrays": arrays, "about": about}
 
     @staticmethod
-    def _of(item: dict[str, Any], setting: Setting | None = None) -> Diagram:
+    def _of(item: dict[str, Any]) -> Diagram:
         arrays, about = item["arrays"], item["about"]
-        branches = []
-        for k, branch in enumerate(about["branches"]):
-            head = f"branch_{k}_"
-            own = {name.removeprefix(head): values for name, values in arrays.items() if name.startswith(head)}
-            branches.append(Line(own, branch["about"], branch["origin"], branch["depth"]))
+        branches = [Line.from_data(arrays, f"branch_{k}_", words) for k, words in enumerate(about["branches"])]
         ends = None
         if "ends_values" in arrays:
-            values, points, cycle, outcome = (
-                arrays[f"ends_{key}"] for key in ("values", "points", "cycle", "outcome")
-            )
-            ends = Ends(values, points, cycle, outcome, about["tol"])
+            ends = Ends(*(arrays[f"ends_{key}"] for key in _OF_ENDS), about["tol"])
         low, high = about["range"]
         return Diagram(
             about["parameter"], (low, high), tuple(about["states"]), branches, ends, arrays["explained"],
-            tuple(about["lost"]), about["left"], about["strobed_by"], setting,
+            tuple(about["lost"]), about["left"], about["strobed_by"],
         )  # fmt: skip
 
     def _described(self) -> tuple[str, Rows]:
         low, high = self.range
-        kinds = Counter(b.kind for b in self.bifurcations)
+        kinds = Counter(b["kind"] for b in self._located)
         rows: list[tuple[str, list[str]]] = [
-            ("bifurcations", some([f"{number} {kind}" for kind, number in kinds.items()])),
+            ("special points", some([f"{number} {kind}" for kind, number in kinds.items()])),
             ("no attractor", some([f"{self.parameter} from {a:.9g} to {b:.9g}" for a, b in self.gaps])),
         ]
         if self.ends is not None:

@@ -25,7 +25,7 @@ from ..analysis.orbits.finding import refine
 from ..results.records import Outcome
 from ..studies.plan import NO_RETURN
 from .line import Line, same_points
-from .plain import Setting, distance, found_at, points_of, told
+from .plain import Setting, data_of, distance, found_at, points_of
 from .tasks import Task, Tasks
 from .tracing import SWITCHED
 
@@ -80,7 +80,7 @@ class Search:
     # ---- tasks
 
     def from_orbit(self, orbit: Any) -> Task:
-        return self._task(start=told(orbit, self.setting))
+        return self._task(start=data_of(orbit, self.setting))
 
     def _task(self, **what: Any) -> Task:
         return {
@@ -90,11 +90,11 @@ class Search:
 
     def _children(self, line: Line) -> Iterator[tuple[str, int, Task, Any]]:
         """Where other branches begin on a branch, at bifurcations that no branch before it has."""
-        for b in line.bifurcations:
+        for b in line.located:
             b["first"] = self._new(b) and not (b["kind"] == "fold" and self._vertex(line, b))
             origin = f"{b['kind']} at {self.name} = {b['parameter']:.9g}"
-            if b["first"] and b["orbit"].get("count", line.count) < line.count:
-                yield f"stem of the {origin}", line.depth + 1, self._task(start=b["orbit"]), None
+            if b["first"] and b["point"].get("count", line.count) < line.count:
+                yield f"stem of the {origin}", line.depth + 1, self._task(start=b["point"]), None
             elif b["first"] and b["kind"] == "flip" and 2 * line.count > self.max_count:
                 self.left += 1
             elif b["first"] and (b["kind"] in SWITCHED or b.get("cycle") == "attracting"):
@@ -138,24 +138,25 @@ class Search:
             if depth > self.max_depth:
                 self.left += 1
                 continue
+            waiting = f", {len(queue)} waiting" if queue else ""
+            self.tell(f"branch {len(self.lines) + 1} over {self.name}, from {origin}{waiting}")
             item = self.work.result(task)
             line = self._kept(item, origin, depth, root)
             if line is not None:
                 queue += self._children(line)
-            self.tell(f"{len(self.lines)} branches over {self.name}, {len(queue)} waiting")
 
     def _kept(self, item: dict[str, Any], origin: str, depth: int, root: Any) -> Line | None:
         """The branch, if there is one that is not known."""
         if item["about"]["lost"]:
             self.lost.append(f"{origin}: {item['about']['lost']}")
             return None
-        line = Line(item["arrays"], {**item["about"], "name": self.name}, origin, depth, root)
+        line = Line(item["arrays"], item["about"], origin, depth, root)
         place = {-1: None, **{int(n): k for k, n in enumerate(line.arrays["located"])}}
-        for number, b in enumerate(line.bifurcations):
+        for number, b in enumerate(line.located):
             k = place[number]
             b["points"] = line.arrays["points"][k]
             b["mirrored"] = line.arrays["mirrored"][k] if "mirrored" in line.arrays else None
-        if len(line.q) < 2 or self._known(line):
+        if len(line.values) < 2 or self._known(line):
             return None
         self.lines.append(line)
         return line
@@ -168,7 +169,7 @@ class Search:
         some = inside[[len(inside) // 3, (2 * len(inside)) // 3]]
         return any(
             all(
-                known.holds(self.values, float(line.q[k]), line.arrays["points"][k], self.setting)
+                known.holds(self.values, float(line.values[k]), line.arrays["points"][k], self.setting)
                 for k in some.tolist()
             )
             for known in self.lines
@@ -180,7 +181,7 @@ class Search:
         """The number of the branch on which an end lies; `NOWHERE` for none."""
         q, cycle = float(ends.values[i]), int(ends.cycle[i, j])
         if ends.outcome[i, j] == NO_RETURN:
-            at_rest = (k for k, line in enumerate(self.lines) if line.equilibria)
+            at_rest = (k for k, line in enumerate(self.lines) if line.of_equilibria)
             return next((k for k in at_rest if any(a <= q <= b for a, b in self.lines[k].covered())), NOWHERE)
         if cycle <= 0:
             return NOWHERE

@@ -12,50 +12,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..analysis.continuation.special import Special
 from ..door import checks
 from ..door.describe import Described, Rows, some
-from .growing import Grown
+from .dataset import columns_of
+from .line import Line, under
 from .result import Diagram
 from .tasks import RESULT, Store, read_result, write_group
 
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["BifurcationSet", "Meeting", "read_diagram"]
+__all__ = ["BifurcationSet", "read_diagram"]
 
 TITLE = "pwsmooth bifurcation set"
 _SAME = 1e-6  # of the ranges: points of codimension 2 nearer together, of one name, are one
-
-
-@dataclass(frozen=True)
-class Meeting:
-    """A point of codimension 2 of a bifurcation set.
-
-    Attributes
-    ----------
-    name : str
-        As of `Codimension2`.
-    at : tuple of (float, float), in the units of the parameters
-        Its place.
-    curves : tuple of int
-        Numbers of the curves on which it was met.
-    note : str
-        What else is to be said.
-
-    Examples
-    --------
-    >>> from pwsmooth.diagrams import Meeting
-    >>> print(Meeting("cusp", (0.0, 1.0), (0,), ""))
-    cusp at (0, 1)
-    """
-
-    name: str
-    at: tuple[float, float]
-    curves: tuple[int, ...]
-    note: str = ""
-
-    def __str__(self) -> str:
-        return f"{self.name} at ({self.at[0]:.9g}, {self.at[1]:.9g})" + (f": {self.note}" if self.note else "")
 
 
 @checks.door()
@@ -69,7 +40,7 @@ class BifurcationSet(Described):
         Their names.
     ranges : tuple of ((float, float), (float, float)), in the units of the parameters
         Of both.
-    curves : list of Grown
+    curves : list of Line
         In the order in which they were found, with `kind`, `values`, `admissible` and `ends`.
     diagrams : list of Diagram
         Along the lines.
@@ -88,39 +59,39 @@ class BifurcationSet(Described):
 
     parameters: tuple[str, str]
     ranges: tuple[tuple[float, float], tuple[float, float]]
-    curves: list[Grown]
+    curves: list[Line]
     diagrams: list[Diagram]
     lines: tuple[tuple[str, float], ...]
     lost: tuple[str, ...] = ()
 
     @property
-    def points(self) -> list[Meeting]:
-        """Points of codimension 2, each once."""
-        found: list[Meeting] = []
+    def specials(self) -> list[Special]:
+        """Points of codimension 2, each once, without their orbits."""
+        found: list[Special] = []
         widths = np.ptp(np.array(self.ranges), axis=1)
-        for k, curve in enumerate(self.curves):
-            for p in curve.about["points"]:
-                at = np.array(p["at"])
-                for i, other in enumerate(found):
-                    near = np.abs((at - other.at) / widths).max() <= _SAME
-                    if near and sorted(p["name"].split(" + ")) == sorted(other.name.split(" + ")):
-                        found[i] = Meeting(other.name, other.at, (*other.curves, k), other.note)
-                        break
-                else:
-                    found.append(Meeting(p["name"], (float(at[0]), float(at[1])), (k,), p["note"]))
+        for p in (p for curve in self.curves for p in curve.located):
+            at = dict(zip(self.parameters, p["at"]))
+
+            def same(other: Special, p: Any = p) -> bool:
+                off = np.array(p["at"]) - list(other.values.values())
+                names = (sorted(kind.split(" + ")) for kind in (p["kind"], other.kind))
+                return bool(np.abs(off / widths).max() <= _SAME and next(names) == next(names))
+
+            if not any(same(other) for other in found):
+                found.append(Special(p["kind"], at, note=p["note"]))
         return found
 
-    def of_kind(self, kind: str) -> list[Grown]:
+    def of_kind(self, kind: str) -> list[Line]:
         """Curves of one kind.
 
         Parameters
         ----------
         kind : str
-            As of `Bifurcation`.
+            As of `Special`.
 
         Returns
         -------
-        list of Grown
+        list of Line
             In the order in which they were found.
         """
         return [curve for curve in self.curves if curve.kind == kind]
@@ -168,26 +139,17 @@ class BifurcationSet(Described):
         -------
         xarray.Dataset
             Points of all curves along "point", their curve in `curve`; kinds along "curves"; points of codimension 2
-            along "meeting". The diagrams have Datasets of their own.
+            along "special". The diagrams have Datasets of their own.
         """
         import xarray
 
         p, q = self.parameters
-        sizes = [curve.values.shape[1] for curve in self.curves]
-        values = np.concatenate([curve.values for curve in self.curves], axis=1) if sizes else np.zeros((2, 0))
-
-        def joined(name: str) -> np.ndarray:
-            return np.concatenate([curve.arrays[name] for curve in self.curves]) if sizes else np.zeros(0)
-
-        meetings = self.points
-        data = {
-            "curve": (("point",), np.repeat(np.arange(len(sizes)), sizes)), p: (("point",), values[0]),
-            q: (("point",), values[1]),
-            **{name: (("point",), joined(name)) for name in ("admissible", "size", "period")},
+        specials, states = self.specials, self.diagrams[0].states if self.diagrams else ()
+        data = columns_of(self.curves, "curve", self.parameters, states) | {
             "kind": (("curves",), np.array([curve.kind for curve in self.curves], dtype=object)),
-            "meeting_name": (("meeting",), np.array([m.name for m in meetings], dtype=object)),
-            f"meeting_{p}": (("meeting",), np.array([m.at[0] for m in meetings])),
-            f"meeting_{q}": (("meeting",), np.array([m.at[1] for m in meetings])),
+            "special_kind": (("special",), np.array([m.kind for m in specials], dtype=object)),
+            f"special_{p}": (("special",), np.array([m.values[p] for m in specials])),
+            f"special_{q}": (("special",), np.array([m.values[q] for m in specials])),
         }  # fmt: skip
         attrs = {
             "title": TITLE, "ranges": json.dumps(self.ranges), "lines": json.dumps(self.lines), "lost": list(self.lost),
@@ -209,8 +171,11 @@ class BifurcationSet(Described):
 
     def _item(self) -> dict[str, Any]:
         arrays: dict[str, np.ndarray] = {}
+        curves = []
         for k, curve in enumerate(self.curves):
-            arrays |= {f"curve_{k}_{name}": values for name, values in curve.arrays.items()}
+            own, words = curve.to_data(f"curve_{k}_")
+            arrays |= own
+            curves.append(words)
         diagrams = []
         for k, found in enumerate(self.diagrams):
             item = found._item()
@@ -218,7 +183,7 @@ class BifurcationSet(Described):
             diagrams.append(item["about"])
         about = {
             "parameters": list(self.parameters), "ranges": [list(r) for r in self.ranges], "diagrams": diagrams,
-            "curves": [{"about": dict(curve.about), "origin": curve.origin} for curve in self.curves],
+            "curves": curves,
             "lines": [list(line) for line in self.lines], "lost": list(self.lost),
         }  # fmt: skip
         return {"arrays": arrays, "about": about}
@@ -226,13 +191,16 @@ class BifurcationSet(Described):
     def _described(self) -> tuple[str, Rows]:
         spans = [f"{name} from {a:.9g} to {b:.9g}" for name, (a, b) in zip(self.parameters, self.ranges)]
         kinds = Counter(curve.kind for curve in self.curves)
-        met = Counter(point.name for point in self.points)
-        return f"Bifurcation set over {' and '.join(spans)}: {len(self.curves)} curves", {
-            "curves": some([f"{number} {kind}" for kind, number in kinds.items()]),
-            "points": some([f"{number} {name}" for name, number in met.items()]),
-            "lines": some([f"{name} = {value:.9g}" for name, value in self.lines]),
-            "lost": some(list(self.lost)),
-        }.items()
+        met = Counter(special.kind for special in self.specials)
+        return (
+            f"Bifurcation set over {' and '.join(spans)}: {len(self.curves)} curve{'s' * (len(self.curves) != 1)}",
+            {
+                "curves": some([f"{number} {kind}" for kind, number in kinds.items()]),
+                "special points": some([f"{number} {kind}" for kind, number in met.items()]),
+                "lines": some([f"{name} = {value:.9g}" for name, value in self.lines]),
+                "lost": some(list(self.lost)),
+            }.items(),
+        )
 
 
 @checks.door()
@@ -259,7 +227,7 @@ def read_diagram(path: Any) -> Diagram | BifurcationSet:
     >>> folded = System({x: 0 * x}, time=t, parameters={a: 0.2}, events=[step])
     >>> path = tempfile.mkdtemp() + "/folded.zarr"
     >>> found = diagram(folded, {a: (-0.5, 0.5)}, {x: 0.1}, Strobe(1, phase=0.5), values=5, work=Work(store=path))
-    >>> [b.kind for b in read_diagram(path).bifurcations] == [b.kind for b in found.bifurcations]
+    >>> [b.kind for b in read_diagram(path).specials] == [b.kind for b in found.specials]
     True
     """
     title, item = read_result(checks.path(path, "`path`"))
@@ -267,12 +235,10 @@ def read_diagram(path: Any) -> Diagram | BifurcationSet:
         return Diagram._of(item)
     arrays, about = item["arrays"], item["about"]
 
-    def under(head: str) -> dict[str, np.ndarray]:
-        return {name.removeprefix(head): values for name, values in arrays.items() if name.startswith(head)}
-
-    curves = [Grown(under(f"curve_{k}_"), c["about"], c["origin"]) for k, c in enumerate(about["curves"])]
+    curves = [Line.from_data(arrays, f"curve_{k}_", words) for k, words in enumerate(about["curves"])]
     diagrams = [
-        Diagram._of({"arrays": under(f"diagram_{k}_"), "about": one}) for k, one in enumerate(about["diagrams"])
+        Diagram._of({"arrays": under(f"diagram_{k}_", arrays), "about": one})
+        for k, one in enumerate(about["diagrams"])
     ]
     p, q = about["parameters"]
     (a, b), (c, d) = about["ranges"]

@@ -121,7 +121,7 @@ def run_study(
     >>> text = "seen = {period = 1, phase = 0.5}\\nvalues = 5\\nx0 = [{ x = 0.3 }]\\nover = { a = [2.8, 3.4] }\\n"
     >>> _ = (folder / "study.toml").write_text(text + "[system]\\nobject = 'logistic'\\n")
     >>> found, store = run_study(folder / "study.toml", folder, workers=1, names={"logistic": logistic})
-    >>> [b.kind for b in found.bifurcations], store.name
+    >>> [b.kind for b in found.specials], store.name
     (['flip'], 'study.zarr')
     """
     path = checks.path(path, "`path`")

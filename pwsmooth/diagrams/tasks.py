@@ -227,12 +227,15 @@ def read_group(path: Path) -> Item:
 
 @contextlib.contextmanager
 def telling(work: Work) -> Iterator[Callable[[str], None]]:
-    """A function that shows how far a call is, on a terminal by default."""
+    """A function that shows what a call is doing, on a terminal by default; elsewhere in lines, if it is asked to."""
     if not (sys.stderr.isatty() if work.progress is None else work.progress):
         yield lambda words: None
         return
     from rich.console import Console
 
     console = Console(stderr=True)
+    if not (console.is_terminal or console.is_jupyter):
+        yield lambda words: console.print(words, highlight=False, soft_wrap=True)
+        return
     with console.status("") as status:
         yield status.update

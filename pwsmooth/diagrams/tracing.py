@@ -1,7 +1,7 @@
 """One branch from one start: both ways, around its folds, to the ends of the range. A task and its result are data.
 
     start  ->  follow to either end of the range, around folds  ->  parameter, points once a period, stability and
-    bifurcations, in order along the branch
+    specials, in order along the branch
 
 Chain: plain.py -> **tracing** -> line.py, one_parameter.py.
 """
@@ -10,29 +10,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from ..analysis.continuation.arclength import Walk, in_units, value_of
 from ..analysis.continuation.bifurcations import ON_CIRCLE
-from ..analysis.continuation.branches import Branch, branch_off, followed
-from ..analysis.continuation.equilibria.branch import EquilibriumBifurcation, EquilibriumBranch
+from ..analysis.continuation.branch import branch_of
+from ..analysis.continuation.branches import begin_orbits, branch_off
 from ..analysis.continuation.equilibria.hopf import cycle_from
 from ..analysis.continuation.equilibria.sliding_cycle import cycle_beside
 from ..analysis.continuation.following import follow
+from ..analysis.continuation.orbit_problem import in_units, value_of
 from ..analysis.continuation.steps import Steps
+from ..analysis.continuation.way import CLOSED, How, Way
 from ..analysis.equilibria.equilibrium import Equilibrium
+from ..analysis.orbits.periodic_orbit import PeriodicOrbit
 from ..paths.budget import Budget, within
 from .plain import (
     Setting,
     aligned,
+    data_of_special,
     distance,
     found_at,
-    made,
-    made_bifurcation,
+    point_of,
     points_of,
-    told_bifurcation,
+    special_of,
     values_of,
 )
 
@@ -43,7 +45,7 @@ _STEPS = 1000  # of solve() for each of the points that a branch may have: long 
 _SHRUNK = 0.1  # of its first size: a cycle so small, followed back to its Hopf point, has come to its beginning
 _NEAR = 0.02  # of the range: a branch that begins at a bifurcation begins so near to it
 _SAME = 1e-5  # relative to unit + |x|: an orbit that is back at the branch's start
-CLOSED, MEETS, SHRINKS = "it closes.", "meets its mirror image", "shrinks onto the equilibrium"
+MEETS, SHRINKS = "meets its mirror image", "shrinks onto the equilibrium"
 UNDECIDED = -1  # stability at a bifurcation: that of the way to it counts
 
 
@@ -85,17 +87,17 @@ def _decided(orbit: Any) -> bool:
 def begun(setting: Setting, task: Mapping[str, Any]) -> Any:
     """The first orbit of a task: as given, or on the branch that begins at a bifurcation."""
     if "off" not in task:
-        return made(task["start"], setting)
-    bifurcation = made_bifurcation(task["off"], setting)
-    at = bifurcation.equilibrium if "frequency" in task["off"] else bifurcation.orbit
-    size = float((setting.sizes + np.abs(at.x)).max())
+        return point_of(task["start"], setting)
+    bifurcation = special_of(task["off"], setting)
+    still = isinstance(bifurcation.point, Equilibrium)
+    size = float((setting.sizes + np.abs(bifurcation.point.x)).max())
     low, high = task["range"]
     found = None
     for amplitude in task["amplitudes"]:
-        if isinstance(bifurcation, EquilibriumBifurcation) and bifurcation.cycle:
+        if bifurcation.cycle:
             found = cycle_beside(bifurcation, abs(amplitude) * (high - low))
             found = _on_section(found, setting) if found.success else found
-        elif isinstance(bifurcation, EquilibriumBifurcation):
+        elif still:
             found = cycle_from(bifurcation, abs(amplitude) * size)
             found = _on_section(found, setting) if found.success else found
         else:
@@ -141,17 +143,17 @@ def _traced(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
         return {"arrays": {}, "about": {"lost": orbit.message}}
     if not isinstance(orbit, Equilibrium):
         orbit = in_units(orbit, setting.sizes)
-    steps, bifurcations = Steps(**task.get("steps", {})), list[dict[str, Any]]()
+    steps, specials = Steps(**task.get("steps", {})), list[dict[str, Any]]()
     born = None
-    if "frequency" in task.get("off", {}):
-        born = _Entry(made_bifurcation(task["off"], setting).equilibrium, setting, name)
+    if task.get("off", {}).get("point", {}).get("equilibrium"):
+        born = _Entry(special_of(task["off"], setting).point, setting, name)
         born.decided = False
     ends: list[str] = []
     sides: list[list[_Entry]] = []
     for to in (low, high):
         if sides and ends[0] == CLOSED:
             break
-        entries, end = _one_way(setting, orbit, name, to, (low, high), steps, bifurcations, born)
+        entries, end = _one_way(setting, orbit, name, to, (low, high), steps, specials, born)
         sides.append(entries)
         ends.append(end)
     entries = sides[0][::-1] + (sides[1][1:] if len(sides) > 1 else [])
@@ -161,54 +163,55 @@ def _traced(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
     order = [entry.number for entry in entries if entry.number >= 0]
     ranks = {number: rank for rank, number in enumerate(order)}
     about = {
-        "lost": "", "equilibria": isinstance(orbit, Equilibrium), "symmetric": bool(getattr(orbit, "symmetric", False)),
-        "ends": ends, "bifurcations": [bifurcations[number] for number in order],
+        "lost": "", "parameters": [name], "kind": "", "equilibria": isinstance(orbit, Equilibrium),
+        "symmetric": bool(getattr(orbit, "symmetric", False)), "ends": ends,
+        "specials": [specials[number] for number in order],
     }  # fmt: skip
     return {"arrays": _arrays(entries, ranks), "about": about}
 
 
 def _one_way(
-    setting, orbit, name, to, bounds, steps, bifurcations, born
+    setting, orbit, name, to, bounds, steps, specials, born
 ) -> tuple[list[_Entry], str]:  # fmt: skip
     """Entries from the start on, and why they end."""
-    q, back = value_of(orbit, name), bounds[int(to == bounds[0])]
+    q = value_of(orbit, name)
     if abs(q - to) <= 1e-12 * (abs(to) + bounds[1] - bounds[0]):  # but for a rounding in the arc
         return [_Entry(orbit, setting, name)], f"began at {name} = {q:.10g}."
     if isinstance(orbit, Equilibrium):
         way = 1 if to == bounds[1] else -1
         branch = follow(orbit, {name: bounds}, way=way, virtual=setting.virtual, steps=steps)
         return _entries_of(
-            branch, [_Entry(e, setting, name) for e in branch._points], setting, name, bifurcations
+            branch, [_Entry(e, setting, name) for e in branch.points], setting, name, specials
         ), branch.end
-    branch, walk = Branch(name, [orbit]), Walk(orbit, name, abs(to - back))
     entries = [_Entry(orbit, setting, name)]
     told: list[str] = []
     size = _size(orbit) if born is not None else 0.0
-
     budget = Budget(_COUNTED)
 
-    def over() -> bool:
+    def stops(way: Way) -> str:
         if _COUNTED - budget.left > _STEPS * steps.max_points:
             told.append(
-                f"steps are used up at {name} = {value_of(branch.orbits[-1], name):.10g}: give `steps` more "
-                "`max_points`."
+                f"steps are used up at {way.problem.where(way.points[-1])}: give `steps` more `max_points`."
             )
-        for new in branch.orbits[len(entries) :]:
-            entries.append(_Entry(new, setting, name).shifted(entries[-1]))
+        for new in way.points[len(entries) :]:
+            entries.append(_Entry(new.orbit, setting, name).shifted(entries[-1]))
             told.extend(_over(entries, name))
-            if born is not None and _size(new) < _SHRUNK * size:
+            if born is not None and _size(new.orbit) < _SHRUNK * size:
                 told.append(f"{SHRINKS} at {name} = {entries[-1].q:.10g}.")
-        return bool(told)
+        return told[0] if told else ""
 
+    sign, how = 1.0 if to == bounds[1] else -1.0, How(steps._lengths(*USUAL), steps.max_points, stops)
     with within(budget):
-        end = followed(branch, walk, back, to, steps._lengths(*USUAL), steps.max_points, over)
-    over()
-    if told and told[0] == CLOSED:
+        way, *first = begin_orbits(orbit, name, bounds, sign, how)
+        way.follow(*first)
+    stops(way)
+    branch, end = branch_of(way, (way.end,), (name,)), way.end
+    if CLOSED in (way.end, *told[:1]):
         entries[-1] = entries[0]
-        return _entries_of(branch, entries, setting, name, bifurcations), CLOSED
+        return _entries_of(branch, entries, setting, name, specials), CLOSED
     if told and told[0].startswith(SHRINKS) and born is not None:
         entries.append(born)
-    placed = _entries_of(branch, entries, setting, name, bifurcations)
+    placed = _entries_of(branch, entries, setting, name, specials)
     if told and told[0].startswith(MEETS) and placed[-1] is entries[-1]:
         # What is past the mirror image is its own; a fold or branch point there is the symmetric branch's.
         placed.pop()
@@ -241,15 +244,15 @@ def _over(entries: list[_Entry], name: str) -> list[str]:
 
 
 def _entries_of(
-    branch: Any, entries: list[_Entry], setting: Setting, name: str, bifurcations: list[dict[str, Any]]
+    branch: Any, entries: list[_Entry], setting: Setting, name: str, specials: list[dict[str, Any]]
 ) -> list[_Entry]:
-    """Orbits of a branch with its bifurcations between them."""
+    """Orbits of a branch with its specials between them."""
     entries = list(entries)
     placed: list[tuple[int, list[_Entry]]] = []
-    for place, b in zip(_places(branch, entries), branch.bifurcations):
-        these = [_Entry(branch._at(b), setting, name, len(bifurcations))]
-        bifurcations.append(told_bifurcation(b, setting))
-        if getattr(b, "beyond", None) is not None and not isinstance(b, EquilibriumBifurcation):
+    for place, b in zip(branch.places, branch.specials):
+        these = [_Entry(b.point, setting, name, len(specials))]
+        specials.append(data_of_special(b, setting))
+        if isinstance(b.beyond, PeriodicOrbit):
             these.append(_Entry(b.beyond, setting, name))
         placed.append((place - 1, these))
     for where, these in reversed(placed):
@@ -259,35 +262,8 @@ def _entries_of(
     return entries
 
 
-def _places(branch: Any, entries: list[_Entry]) -> list[int]:
-    """Of each bifurcation how many of the points come before it; of equilibria where it is least out of the way."""
-    if not isinstance(branch, EquilibriumBranch):
-        return branch.places
-    scale = float(np.ptp(branch.values)) or 1.0
-    places: list[int] = []
-    for b in branch.bifurcations:
-        first = max(places[-1:] or [1])
-        at = _Place(b.equilibrium.x[None], b.parameter, entries[0].setting)
-        ways = [
-            _off(e, at, scale) + _off(at, f, scale) - _off(e, f, scale)
-            for e, f in zip(entries[first - 1 :], entries[first:])
-        ]
-        places.append(first + int(np.argmin(ways)) if ways else first)
-    return places
-
-
-class _Place(NamedTuple):
-    points: np.ndarray
-    q: float
-    setting: Setting
-
-
-def _off(one: Any, other: Any, scale: float) -> float:
-    return distance(one.points, other.points, one.setting) + abs(one.q - other.q) / scale
-
-
 def _with_middles(entries: list[_Entry], setting: Setting, name: str) -> list[_Entry]:
-    """With an orbit between two bifurcations that have none between them: it says whether the way is stable."""
+    """With an orbit between two specials that have none between them: it says whether the way is stable."""
     found = entries[:1]
     for before, entry in zip(entries, entries[1:]):
         if (
@@ -318,10 +294,10 @@ def _arrays(entries: list[_Entry], ranks: Mapping[int, int]) -> dict[str, np.nda
         rates = orbit.eigenvalues.real if isinstance(orbit, Equilibrium) else np.abs(orbit.multipliers)
         sizes.append(float(rates.max(initial=-np.inf)))
     arrays = {
-        "parameter": np.array([entry.q for entry in entries]),
+        "values": np.array([entry.q for entry in entries]),
         "points": points,
         "stable": np.array([int(e.orbit.stable) if e.decided else UNDECIDED for e in entries], np.int8),
-        "virtual": np.array([bool(getattr(e.orbit, "virtual", "")) for e in entries]),
+        "admissible": np.array([not getattr(e.orbit, "virtual", "") for e in entries]),
         "size": np.array(sizes),
         "period": np.array([getattr(e.orbit, "period", np.nan) for e in entries], float),
         "located": np.array([ranks.get(e.number, -1) for e in entries], np.int32),

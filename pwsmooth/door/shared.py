@@ -311,7 +311,7 @@ HOMES = {
     "pwsmooth.studies": """
         Amplitude Cost Extremes Function Itinerary Lyapunov Measure Period Points Statistics Window Work
         ensemble make_plan orbit_diagram read_store refine refine_basins""",
-    "pwsmooth.diagrams": "Found Meeting read_diagram",
+    "pwsmooth.diagrams": "read_diagram",
     "pwsmooth.compare": "CASES METHODS case_of ladder stability work_precision",
     "pwsmooth.compare.exact": "Check ExactProblem problems verify",
     "pwsmooth.compare.hazards": "Axis Finding Hazard",

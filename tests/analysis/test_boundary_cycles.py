@@ -26,7 +26,7 @@ def focus(growth, time=1):
 
 def boundary(system):
     (regular,) = (e for e in equilibria(system, {x: (-3, 3), y: (-3, 3)}) if e.kind == "regular")
-    return next(b for b in follow(regular, {a: -0.5}).bifurcations if b.kind.startswith("boundary"))
+    return next(b for b in follow(regular, {a: -0.5}).specials if b.kind.startswith("boundary"))
 
 
 def lands_before_rest(growth):
@@ -82,5 +82,5 @@ def test_a_node_and_other_states_beside_are_not_taken_for_foci():
          z: -z}, parameters={a: 0.5},
     )  # fmt: skip
     (regular,) = (e for e in equilibria(more, {x: (-3, 3), y: (-3, 3), z: (-1, 1)}) if e.kind == "regular")
-    found = next(b for b in follow(regular, {a: -0.5}).bifurcations if b.kind.startswith("boundary"))
+    found = next(b for b in follow(regular, {a: -0.5}).specials if b.kind.startswith("boundary"))
     assert found.cycle is None

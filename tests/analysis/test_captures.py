@@ -34,7 +34,7 @@ def slipping():
 
 @pytest.fixture(scope="module")
 def thresholds(sticking, slipping):
-    near = follow(slipping, {sigma: 3.8}).orbits[-1]  # with a saddle in the layer at its arrivals
+    near = follow(slipping, {sigma: 3.8}).points[-1]  # with a saddle in the layer at its arrivals
     return [follow(orbit, RANGES, kind="capture") for orbit in (sticking, near)]
 
 
@@ -54,8 +54,8 @@ def test_the_clearance_of_any_layer_vanishes_at_the_threshold_of_the_friction_la
 
 def test_along_a_curve_of_captures_the_contact_arrives_with_the_threshold(thresholds):
     for curve in thresholds:
-        assert len(curve.orbits) > 20
-        for orbit, (ratio, drive) in list(zip(curve.orbits, curve.values.T))[::6]:
+        assert len(curve.points) > 20
+        for orbit, (ratio, drive) in list(zip(curve.points, curve.values.T))[::6]:
             # Of the arriving slip alone, which does not know of the layer: Coulomb friction has the same.
             first = orbit.map.start_time
             run = solve(coulomb(sigma=drive), (first, first + np.pi), list(orbit.x), rtol=1e-12, atol=1e-14)
@@ -82,7 +82,7 @@ def test_both_curves_end_where_the_ratio_lets_the_fold_capture(thresholds):
 def test_branches_end_at_captures_on_the_curves(sticking, slipping, thresholds):
     for orbit, to, curve in ((sticking, 4.0, thresholds[0]), (slipping, 3.0, thresholds[1])):
         branch = follow(orbit, {sigma: to})
-        found = branch.bifurcations[-1]
+        found = branch.specials[-1]
         assert found.kind == "capture" and "just captured" in branch.end
         at = follow(found, {"ratio_z": (RATIO, 0.4), "sigma": (2, 5)}).values
         assert at[0].min() == pytest.approx(RATIO, abs=1e-9)
@@ -93,7 +93,7 @@ def test_branches_end_at_captures_on_the_curves(sticking, slipping, thresholds):
 def test_the_sign_of_the_clearance_tells_who_is_captured(sticking, slipping):
     ((_, _, above),) = clearances(sticking)
     assert above > 0
-    near = follow(slipping, {sigma: 3.76}).orbits[-1]
+    near = follow(slipping, {sigma: 3.76}).points[-1]
     ((_, _, below),) = clearances(near)
     assert below < 0
 
@@ -104,7 +104,7 @@ def test_broken_symmetry_ends_where_its_contact_is_not_captured_any_more():
     curve = follow(broken, {"ratio_z": (0.02, 1), "sigma": (0.5, 5)})
     (end,) = curve.of_kind("symmetry breaking + capture")
     assert np.ptp(curve.values[1]) < 1e-8  # the slow motion does not know of the ratio
-    run = solve(coulomb(sigma=end.values["sigma"]), (0, np.pi), list(broken.orbit.x), rtol=1e-12, atol=1e-14)
+    run = solve(coulomb(sigma=end.values["sigma"]), (0, np.pi), list(broken.point.x), rtol=1e-12, atol=1e-14)
     place = run.x[0, np.searchsorted(run.t, run.events[0].time)]
     force = abs(end.values["sigma"] * np.sin(run.events[0].time) + 3.1 * place)
     # The solver resolves the layer to some 1e-7 beside its threshold.
@@ -145,12 +145,10 @@ def test_a_contact_is_captured_where_the_fold_of_its_layer_holds_it(first, to):
 
         return 3 * most / (2 + np.cos(brentq(left, 0, 1, xtol=1e-15) - 0.2))
 
-    assert branch.bifurcations[-1].kind == "capture" and "capture" in branch.end
-    assert branch.bifurcations[-1].parameter == pytest.approx(
-        exact(3), abs=1e-5
-    )  # as finely as a jump is enclosed
-    assert len(branch.places) == len(branch.bifurcations)  # where a diagram finds it
-    curve = follow(branch.bifurcations[-1], {rho: (1, 5), a: (0.5, 5)})
+    assert branch.specials[-1].kind == "capture" and "capture" in branch.end
+    assert branch.specials[-1].parameter == pytest.approx(exact(3), abs=1e-5)  # as finely as a jump is enclosed
+    assert len(branch.places) == len(branch.specials)  # where a diagram finds it
+    curve = follow(branch.specials[-1], {rho: (1, 5), a: (0.5, 5)})
     strength, force = curve.values
     assert np.ptp(strength) == 4 and len(strength) > 10
     assert np.abs(force - [exact(one) for one in strength]).max() < 1e-9
@@ -160,7 +158,7 @@ def test_captures_end_where_what_is_held_is_let_go_at_once():
     # There the curve of crossing-sliding of the other contact meets them, and both orbits are the same.
     layered = hidden(omega=0.9051721488540027, sigma=4.3650245184496095).layered({z: sp.oo})
     orbit = find_orbit(layered, {y: 0.5, v: 0.3}, seen=Strobe(2 * sp.pi / omega), transient=100)
-    capture = follow(orbit, {"omega": 0.4}).bifurcations[-1]
+    capture = follow(orbit, {"omega": 0.4}).specials[-1]
     curve = follow(capture, {"omega": (0.4, 3), "sigma": (0.5, 5)})
     (end,) = curve.of_kind("capture + crossing-sliding")
     assert end.values["omega"] == pytest.approx(0.86061, abs=1e-4) and "reached sigma = 5." in curve.ends

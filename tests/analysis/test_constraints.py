@@ -122,7 +122,7 @@ def test_a_cycle_is_followed_along_the_length_of_its_rod():
     begun = find_orbit(rod, {"x": 0.6, "y": -0.8, "x_dot": 0, "y_dot": 0}, seen=Return(across, direction=-1))
     assert begun.success and begun.stable and begun.isolated
     found = follow(begun, {"L": 1.2})
-    last, other = found.orbits[-1], wanted.orbits[-1]
+    last, other = found.points[-1], wanted.points[-1]
     assert last.system.parameters[L] == pytest.approx(1.2) == other.system.parameters[L]
     assert np.hypot(*last.x[:2]) == pytest.approx(1.2, abs=1e-9)
     assert last.period == pytest.approx(other.period, rel=1e-9)

@@ -13,7 +13,7 @@ from friction_oscillator import omega as FREQUENCY
 
 from pwsmooth import Event, Return, Strobe, System
 from pwsmooth.analysis.continuation import Steps, branch_off, follow
-from pwsmooth.analysis.continuation.arclength import only_way
+from pwsmooth.analysis.continuation.problem import only_way
 from pwsmooth.analysis.maps.sections import Section, Stroboscopic
 from pwsmooth.analysis.orbits.finding import find_orbit, refine
 from pwsmooth.analysis.orbits.fixed_points import TOLERANCE
@@ -40,9 +40,9 @@ def mapped(update, start, value, **options):
 def test_a_fold_is_found_and_passed():
     # x -> a + x - x^2: fixed at +-sqrt(a)
     branch = follow(mapped({x: a + x - x**2}, {x: 0.9}, 0.8), {a: -0.2})
-    assert [bif.kind for bif in branch.bifurcations] == ["fold"]
+    assert [bif.kind for bif in branch.specials] == ["fold"]
     # The zero of the tangent's slope, sqrt(a) steep, is found to 1e-12: a to its square.
-    assert branch.bifurcations[0].parameter == pytest.approx(0, abs=LOCATED)
+    assert branch.specials[0].parameter == pytest.approx(0, abs=LOCATED)
     assert branch.x[0, 0] > 0 > branch.x[0, -1]
     assert branch.values[-1] == 0.8 and "reached" in branch.end
 
@@ -52,7 +52,7 @@ def test_a_branch_is_bounded_as_a_whole_and_goes_on_from_where_it_was_left(bound
     orbit = mapped({x: a + x - x**2}, {x: 0.9}, 0.8)
     part = follow(orbit, {a: 0.2}, **bound)
     assert list(bound)[0] in part.end and part.values[-1] > 0.2
-    rest = follow(part.orbits[-1], {a: 0.2})
+    rest = follow(part.points[-1], {a: 0.2})
     assert "reached" in rest.end and rest.x[0, -1] == pytest.approx(math.sqrt(0.2), abs=1e-12)
     with pytest.raises((ValueError, TypeError), match=f"`{list(bound)[0]}`"):
         follow(orbit, {a: 0.2}, **dict.fromkeys(bound, 0))
@@ -60,7 +60,7 @@ def test_a_branch_is_bounded_as_a_whole_and_goes_on_from_where_it_was_left(bound
 
 def test_a_flip_is_found_and_its_branch_is_the_two_cycle():
     branch = follow(mapped({x: a * x * (1 - x)}, {x: 0.6}, 2.8), {"a": 3.3})
-    (flip,) = branch.bifurcations
+    (flip,) = branch.specials
     assert flip.kind == "flip"
     assert flip.parameter == pytest.approx(3, abs=1e-9)
     assert not branch.stable[-1] and branch.stable[0]
@@ -81,7 +81,7 @@ def test_the_symmetry_breaks_where_the_half_period_map_has_minus_one():
     )
     orbit = find_orbit(system, {x: 0.0}, seen=Strobe(1, phase=0.25, symmetry={x: -x}))
     branch = follow(orbit, {a: 1.5})
-    (broken,) = branch.bifurcations
+    (broken,) = branch.specials
     assert broken.kind == "symmetry breaking"
     assert broken.parameter == pytest.approx(1, abs=1e-9)
     pair = branch_off(broken, 0.1)
@@ -98,7 +98,7 @@ def test_the_symmetry_breaks_where_the_half_period_map_has_minus_one():
 def test_two_multipliers_that_leave_the_unit_circle_at_once_are_noticed(sign):
     # Two maps that know nothing of each other: no test function changes its sign.
     update = {s: sign * (1 + a) * s - s**3 for s in (x, u)}
-    (found,) = follow(mapped(update, {x: 0, u: 0}, -0.5), {a: 0.3}).bifurcations
+    (found,) = follow(mapped(update, {x: 0, u: 0}, -0.5), {a: 0.3}).specials
     assert found.kind == ("branch point" if sign > 0 else "flip") and abs(found.parameter) <= found.uncertainty
 
 
@@ -108,26 +108,26 @@ def test_an_orbit_given_by_twice_the_forcings_period_ends_at_its_flip():
     orbit = find_orbit(system, {x: 0.51}, seen=Strobe(2, phase=0.25), transient=200)
     branch = follow(orbit, {a: 2.8})
     assert orbit.period == 2 and "shrink onto one of 1" in branch.end
-    assert branch.bifurcations[-1].parameter == pytest.approx(3, abs=1e-9)
+    assert branch.specials[-1].parameter == pytest.approx(3, abs=1e-9)
 
 
 def test_a_torus_begins_where_a_complex_pair_leaves_the_unit_circle():
     c, s = sp.Rational(3, 5), sp.Rational(4, 5)
     orbit = mapped({x: a * (c * x - s * u), u: a * (s * x + c * u) - u**3}, {x: 0, u: 0}, 0.8)
     branch = follow(orbit, {a: 1.3})
-    assert [bif.kind for bif in branch.bifurcations] == ["torus"]
-    assert branch.bifurcations[0].parameter == pytest.approx(1, abs=1e-9)
+    assert [bif.kind for bif in branch.specials] == ["torus"]
+    assert branch.specials[0].parameter == pytest.approx(1, abs=1e-9)
 
 
 def test_a_branch_point_is_no_fold():
     # x -> x + a x - x^3: a pitchfork at a = 0, without a symmetry that the map is told of
     branch = follow(mapped({x: x + a * x - x**3}, {x: 0.0}, -0.5), {a: 0.5})
-    assert [bif.kind for bif in branch.bifurcations] == ["branch point"]
-    assert branch.bifurcations[0].parameter == pytest.approx(0, abs=1e-9)
+    assert [bif.kind for bif in branch.specials] == ["branch point"]
+    assert branch.specials[0].parameter == pytest.approx(0, abs=1e-9)
 
 
 def test_the_old_orbit_is_no_orbit_of_the_branch_that_begins_at_it():
-    (flip,) = follow(mapped({x: a * x * (1 - x)}, {x: 0.6}, 2.8), {a: 3.3}).bifurcations
+    (flip,) = follow(mapped({x: a * x * (1 - x)}, {x: 0.6}, 2.8), {a: 3.3}).specials
     # Two-cycles have x <= 1: from beyond Newton's method comes to fixed points, which the doubled map has too.
     for amplitude in (0.45, 1, -0.6):
         lost = branch_off(flip, amplitude)
@@ -142,8 +142,8 @@ def test_a_doubled_orbit_shrinks_onto_the_single_one_at_its_flip_and_the_branch_
         cycle = mapped({x: a * x * (1 - x)}, {x: 0.5}, begin, transient=400)
         assert cycle.map.count == count
         branch = follow(cycle, {a: 2.5}, steps=Steps(first=longest, longest=longest))
-        (flip,) = branch.bifurcations
-        assert flip.kind == "flip" and flip.orbit.map.count == count // 2
+        (flip,) = branch.specials
+        assert flip.kind == "flip" and flip.point.map.count == count // 2
         assert flip.parameter == pytest.approx(where, abs=1e-9)
         assert f"of {count} applications of the map shrink onto one of {count // 2}" in branch.end
         # The orbits of the branch are all true ones of that period.
@@ -170,18 +170,65 @@ def test_the_buck_converters_doubled_orbit_ends_at_its_flip():
     orbit = find_orbit(buck, {x: 12.3, i: 0.6, ramp: 4}, seen=Strobe(T, phase=0.31), transient=1000)
     assert orbit.map.count == 2
     branch = follow(orbit, {E: 24.0})
-    (flip,) = branch.bifurcations
+    (flip,) = branch.specials
     assert flip.kind == "flip" and flip.parameter == pytest.approx(24.51657282856, abs=1e-8)
-    assert flip.orbit.period == pytest.approx(4e-4) and branch.values.min() > flip.parameter
+    assert flip.point.period == pytest.approx(4e-4) and branch.values.min() > flip.parameter
 
 
 def test_a_period_that_does_not_follow_its_parameter_is_noticed():
     forced = System({x: u, u: sp.cos(omega * t) - x - u / 5}, time=t, parameters={omega: 1})
     fixed = follow(find_orbit(forced, {x: 0, u: 5}, seen=Strobe(2 * sp.pi)), {omega: 2})
-    assert len(fixed.orbits) == 1 and "reads the time in another way" in fixed.end
+    assert len(fixed.points) == 1 and "reads the time in another way" in fixed.end
     moving = follow(find_orbit(forced, {x: 0, u: 5}, seen=Strobe(2 * sp.pi / omega)), {omega: 2})
     w = moving.values
     assert moving.x[0] == pytest.approx((1 - w**2) / ((1 - w**2) ** 2 + w**2 / 25), abs=1e-9)
+
+
+def test_an_isle_closes():
+    # x -> x + (1/4 - a^2 - x^2)/2: fixed points on a circle
+    branch = follow(mapped({x: x + (sp.Rational(1, 4) - a**2 - x**2) / 2}, {x: 0.5}, 0.0), {a: (-1, 1)})
+    assert branch.ends == ("it closes.",) and np.abs(np.hypot(branch.values, branch.x[0]) - 0.5).max() < LOCATED
+    assert sorted(fold.parameter for fold in branch.of_kind("fold")) == pytest.approx([-0.5, 0.5], abs=LOCATED)
+
+
+# ---- tests of one's own
+
+
+def test_zeros_of_one_s_own_tests_are_special_points_in_their_order():
+    # x -> a x (1 - x): a multiplier 2 - a, and a flip at 3
+    tests = {"half": lambda orbit: orbit.multipliers[0].real + 0.5, "never": lambda orbit: 1.0}
+    branch = follow(mapped({x: a * x * (1 - x)}, {x: 0.6}, 2.3), {a: 3.3}, tests=tests)
+    assert [special.kind for special in branch.specials] == ["half", "flip"]
+    assert branch.specials[0].parameter == pytest.approx(2.5, abs=LOCATED)
+    assert branch.tests["half"] == pytest.approx(2.5 - branch.values, abs=1e-8) and set(branch.tests) == {
+        *tests
+    }
+    assert follow(branch.specials[0].point, {a: 2.6}).end == "reached a = 2.6."
+
+
+def test_along_a_curve_they_are_located_too():
+    # 4 a = (1 + b)(3 - b), x = (1 + b)/2
+    step = Event(every=1, update={x: a - x**2 + b * x})
+    system = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
+    (flip,) = follow(find_orbit(system, {x: 0.3}, seen=Strobe(1, phase=0.5)), {a: 1}).of_kind("flip")
+    (found,) = follow(
+        flip, {a: (-1, 2), b: (-1, 1)}, tests={"x = 0.6": lambda orbit: orbit.x[0] - 0.6}
+    ).specials
+    assert found.kind == "x = 0.6" and list(found.values.values()) == pytest.approx([0.84, 0.2], abs=1e-9)
+
+
+def test_a_test_that_jumps_has_no_zero_and_one_without_a_number_is_refused():
+    start = mapped({x: a * x * (1 - x)}, {x: 0.6}, 2.3)
+    jumps = follow(
+        start, {a: 2.9}, tests={"jump": lambda orbit: math.copysign(1, orbit.system.parameters[a] - 2.6)}
+    )
+    assert jumps.specials == []
+    with pytest.raises(
+        TypeError, match="`tests` of 'words' gave 'no number'; give a function that returns a number"
+    ):
+        follow(start, {a: 2.9}, tests={"words": lambda orbit: "no number"})
+    with pytest.raises(TypeError, match="`tests` has 'x'"):
+        follow(start, {a: 2.9}, tests={"x": 1})
 
 
 # ---- changes of itinerary
@@ -198,7 +245,7 @@ def test_den_hartogs_oscillator_begins_to_stick_by_crossing_sliding(frequency):
     )
     orbit = find_orbit(system, {x: 1, u: 0.5}, seen=Strobe(2 * sp.pi / omega, symmetry={x: -x, u: -u}))
     branch = follow(orbit, {F: 1.1 * limit})
-    (begins,) = branch.bifurcations
+    (begins,) = branch.specials
     assert begins.kind == "crossing-sliding"
     assert begins.parameter == pytest.approx(limit, abs=LOCATED)
     assert [kind for _, kind, _ in begins.beyond.word] == ["stick", "slip by tangency"]
@@ -214,11 +261,11 @@ def test_grazing_sliding_at_the_exact_amplitude():
     system = held_from_below(1 + a * sp.sin(t), {a: 1.1})
     orbit = find_orbit(system, {x: 0.5}, seen=Strobe(2 * sp.pi))
     branch = follow(orbit, {a: 2.0})
-    (grazing,) = branch.bifurcations
+    (grazing,) = branch.specials
     assert grazing.kind == "grazing-sliding"
     assert grazing.parameter == pytest.approx(math.sqrt(2), abs=LOCATED)
     # The smooth orbit has the multiplier exp(-2 pi), the one that slides has none left.
-    assert grazing.orbit.multipliers == pytest.approx([math.exp(-2 * math.pi)], abs=1e-12)
+    assert grazing.point.multipliers == pytest.approx([math.exp(-2 * math.pi)], abs=1e-12)
     assert grazing.beyond.multipliers == pytest.approx([0], abs=1e-15)
 
 
@@ -234,7 +281,7 @@ def test_a_corner_is_located_where_both_sides_meet(push):
         parameters={a: 1.1},
     )
     branch = follow(find_orbit(system, {x: 0.5, u: 0}, seen=Strobe(2 * sp.pi)), {a: 2.0})
-    (corner,) = branch.bifurcations
+    (corner,) = branch.specials
     assert corner.kind == "grazing-sliding" and branch.values[-1] == 1.1 and branch.values.max() < 1.42
     assert corner.parameter == pytest.approx(math.sqrt(2), abs=LOCATED)
     assert corner.uncertainty < 1e-9 and abs(corner.beyond.multipliers[1]) < 1e-12
@@ -244,7 +291,7 @@ def test_adding_sliding_at_the_exact_force():
     # cos t + a cos 2t has a maximum at t = pi, inside the stick, which is a - 1.
     system = held_from_below(sp.cos(t) + a * sp.cos(2 * t), {a: 0.8})
     orbit = find_orbit(system, {x: 0.5}, seen=Strobe(2 * sp.pi))
-    (adding,) = follow(orbit, {a: 1.2}).bifurcations
+    (adding,) = follow(orbit, {a: 1.2}).specials
     assert adding.kind == "adding-sliding"
     assert adding.parameter == pytest.approx(1, abs=LOCATED)
 
@@ -256,7 +303,7 @@ def test_switching_sliding_at_the_exact_phase():
         events=[Event(every=2 * sp.pi, update={x: 1})],
     )  # fmt: skip
     orbit = find_orbit(system, {x: 0.6}, seen=Strobe(2 * sp.pi, phase=0.5 / 2 / math.pi))
-    (switching,) = follow(orbit, {a: 1.3}).bifurcations
+    (switching,) = follow(orbit, {a: 1.3}).specials
     assert switching.kind == "switching-sliding"
     assert switching.parameter == pytest.approx(1, abs=LOCATED)
 
@@ -272,7 +319,7 @@ def test_a_grazing_impact_is_named():
     reach = 1 / abs(1 - 4 + 0.4j)
     orbit = find_orbit(system, {x: 0.1, u: 0.0}, seen=Strobe(sp.pi, phase=0.1))
     branch = follow(orbit, {a: 0.9 * reach}, steps=Steps(max_points=60))
-    first = branch.bifurcations[0]
+    first = branch.specials[0]
     assert first.kind == "grazing impact"
     assert first.parameter == pytest.approx(reach, abs=LOCATED)
 
@@ -289,7 +336,7 @@ def test_a_change_of_order_is_a_bifurcation_only_between_events_that_know_of_eac
     )
     system = pair if coupling else kinks
     orbit = find_orbit(system, {x: 0, u: 0}, seen=Strobe(2 * sp.pi), transient=20)
-    found = follow(orbit, {a: 0.5}).bifurcations
+    found = follow(orbit, {a: 0.5}).specials
     if not coupling:
         assert not found
         return
@@ -307,7 +354,7 @@ def test_a_change_of_order_is_a_bifurcation_only_between_events_that_know_of_eac
 def test_a_family_of_orbits_is_no_branch():
     free = System({x: u, u: a * sp.cos(2 * t) - x}, time=t, parameters={a: 1})
     branch = follow(find_orbit(free, {x: 0.4, u: 0}, seen=Strobe(2 * sp.pi)), {a: 2})
-    assert len(branch.orbits) == 1 and "not isolated" in branch.end
+    assert len(branch.points) == 1 and "not isolated" in branch.end
 
 
 def test_a_branch_ends_where_the_map_jumps_and_says_so():
@@ -320,7 +367,7 @@ def test_a_branch_ends_where_the_map_jumps_and_says_so():
     branch = follow(sudden, {"sigma": 2.0})
     assert "jumps" in branch.end
     assert branch.values[-1] == pytest.approx(continuous.parameter, abs=1e-5)  # ends within its shortest steps
-    assert all([kind for _, kind, _ in orbit.word] == ["crossing"] for orbit in branch.orbits)
+    assert all([kind for _, kind, _ in orbit.word] == ["crossing"] for orbit in branch.points)
 
 
 def test_a_step_does_not_lead_to_another_part_of_the_branch():
@@ -333,15 +380,15 @@ def test_a_step_does_not_lead_to_another_part_of_the_branch():
         transient=200,
     )
     branch = follow(orbit, {"omega": (0.4, 3)}, way=1, steps=Steps(first=0.005, max_points=40))
-    kinds = [one.kind for one in branch.bifurcations]
+    kinds = [one.kind for one in branch.specials]
     assert kinds[:2] == ["switching-sliding", "fold"]
     # Until it turns, the orbits of this branch attract: so trajectories find them, and none beyond.
-    turn = branch.bifurcations[1].parameter
+    turn = branch.specials[1].parameter
     for frequency, found in ((turn - 1e-4, True), (turn + 1e-4, False)):
-        start = dict(zip("yvz", branch.orbits[branch.places[1] - 1].x))
+        start = dict(zip("yvz", branch.points[branch.places[1] - 1].x))
         there = find_orbit(
             hidden(omega=frequency, sigma=4), start,
-            seen=Strobe(2 * sp.pi / FREQUENCY, phase=branch.orbits[branch.places[1] - 1].map.phase), transient=400,
+            seen=Strobe(2 * sp.pi / FREQUENCY, phase=branch.points[branch.places[1] - 1].map.phase), transient=400,
             count=1,
         )  # fmt: skip
         assert (not _is_symmetric(there)) == found
@@ -363,8 +410,8 @@ def test_a_step_that_jumps_to_another_branch_is_shortened():
         transient=400,
     )
     branch = follow(orbit, {"rho": (0, 5)}, way=-1, steps=Steps(first=0.005, longest=0.1, max_points=30))
-    assert branch.bifurcations[0].kind == "fold"
-    assert all(one.kind != "jump of the orbit" and 0 <= one.parameter <= 5 for one in branch.bifurcations)
+    assert branch.specials[0].kind == "fold"
+    assert all(one.kind != "jump of the orbit" and 0 <= one.parameter <= 5 for one in branch.specials)
 
 
 def test_slips_that_grow_as_a_square_root_are_no_jump():
@@ -373,7 +420,7 @@ def test_slips_that_grow_as_a_square_root_are_no_jump():
         hidden(rho=0.25, sigma=1.4).layered({z: sp.oo}), {y: 0.5, v: 0.3},
         seen=Strobe(2 * sp.pi, symmetry={y: -y, v: -v}), transient=50,
     )  # fmt: skip
-    (last,) = follow(orbit, {"sigma": (0.5, 5.2)}, way=-1, steps=Steps(first=0.005, longest=0.1)).bifurcations
+    (last,) = follow(orbit, {"sigma": (0.5, 5.2)}, way=-1, steps=Steps(first=0.005, longest=0.1)).specials
     assert last.kind == "adding-sliding" and last.parameter == pytest.approx(1, abs=1e-8)
 
 
@@ -385,7 +432,7 @@ def test_an_unstable_orbit_that_is_a_rounding_off_after_two_periods_repeats():
     )  # fmt: skip
     branch = follow(orbit, {"sigma": 0.5})
     assert branch.end.startswith("adding-sliding")
-    assert np.abs(branch.orbits[-1].map_multipliers).max() > 1e4
+    assert np.abs(branch.points[-1].map_multipliers).max() > 1e4
 
 
 @pytest.mark.parametrize("across", [False, True])
@@ -397,19 +444,19 @@ def test_the_way_on_is_the_null_vector(across):
         direction = rng.normal(size=n + 1)
         if across:
             direction -= (direction @ exact) * exact
-        found, alone = only_way(DF, direction)
+        found, alone = only_way(DF, direction, 1e-8)
         assert alone and abs(abs(found @ exact) - 1) < 1e-12
         assert across or found @ direction > 0
-    assert not only_way(np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), np.array([0.0, 1.0, 0.0]))[1]
+    assert not only_way(np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), np.array([0.0, 1.0, 0.0]), 1e-8)[1]
 
 
 def test_a_branch_goes_on_when_its_section_comes_to_lie_in_a_stick():
     # rho = 0: sticks grow with falling drive and pass over t = 0; at a drive below N everything is at rest.
     orbit = find_orbit(coulomb(sigma=2.2), {y: 0.5, v: 0.3}, seen=Strobe(2 * sp.pi, phase=0.31), transient=20)
     branch = follow(orbit, {"sigma": 1.2})
-    assert {"jump of the orbit", "change of itinerary"}.isdisjoint(bif.kind for bif in branch.bifurcations)
+    assert {"jump of the orbit", "change of itinerary"}.isdisjoint(bif.kind for bif in branch.specials)
     assert branch.values[-1] == 1.2
-    phases = [o.map.phase for o in branch.orbits]
+    phases = [o.map.phase for o in branch.points]
     assert len(set(phases)) > 1
 
 
@@ -431,7 +478,7 @@ def test_an_autonomous_orbit_is_followed_on_its_section():
     branch = follow(orbit, {a: 0.25})
     E = np.exp(branch.values * np.pi / np.sqrt(1 - branch.values**2))
     assert branch.x[0] == pytest.approx((E + 1) / (E - 1), rel=1e-9)
-    assert isinstance(branch.orbits[-1].map, Section)
+    assert isinstance(branch.points[-1].map, Section)
 
 
 def test_bad_input_is_refused():
@@ -455,7 +502,7 @@ def test_a_branch_goes_on_where_one_piece_is_too_long_to_be_shot_over():
     )
     q = branch.values
     assert q[-1] == 6 and branch.x[0] == pytest.approx(-q / (1 + q**2), abs=10 * TOLERANCE)
-    largest = [orbit.multipliers[0].real for orbit in branch.orbits]
+    largest = [orbit.multipliers[0].real for orbit in branch.points]
     assert largest == pytest.approx(np.exp(2 * math.pi * q), rel=1e-10)  # to 2e16, each segment to some 1e-13
 
 
@@ -468,7 +515,7 @@ def test_a_branch_over_the_frequency_does_not_depend_on_where_its_section_stands
     for phase, longest in ((0.25, 0.1), (0.75, 0.1), (0, 0.03)):
         orbit = find_orbit(gears, {x: 1.1, w: 0}, seen=Strobe(2 * sp.pi / omega, phase=phase), transient=100)
         branch = follow(orbit, {omega: 0.4}, steps=Steps(longest=longest))
-        found.append([(bif.kind, bif.parameter) for bif in branch.bifurcations])
+        found.append([(bif.kind, bif.parameter) for bif in branch.specials])
     assert len(found[0]) == 4
     for other in found[1:]:
         assert [kind for kind, _ in other] == [kind for kind, _ in found[0]]

@@ -1,6 +1,6 @@
 """Curves of bifurcations in two parameters against closed forms.
 
-Guards: analysis/continuation/conditions/, analysis/continuation/curves/, analysis/continuation/plane.py,
+Guards: analysis/continuation/conditions/, analysis/continuation/curves/, analysis/continuation/branch.py,
 analysis/continuation/jumps.py.
 """
 
@@ -56,8 +56,8 @@ def test_flips_and_folds_of_henons_map_lie_on_their_curves_with_both_strong_reso
     for curve, factor, name in ((flips, 3, "1:2 resonance"), (folds, -1, "1:1 resonance")):
         p, q = curve.values
         assert len(p) > 20 and np.abs(4 * p - factor * (1 - q) ** 2).max() < 4 * ON_CURVE
-        (double,) = curve.points
-        assert double.name == name and list(double.values.values()) == pytest.approx([factor, -1], abs=1e-8)
+        (double,) = curve.specials
+        assert double.kind == name and list(double.values.values()) == pytest.approx([factor, -1], abs=1e-8)
 
 
 def test_a_fold_goes_around_its_cusp():
@@ -67,8 +67,8 @@ def test_a_fold_goes_around_its_cusp():
     p, q = curve.values
     assert np.abs(27 * p**2 - 4 * (q - 1) ** 3).max() < ON_CURVE
     assert p.min() < -0.3 and p.max() > 0.3
-    (cusp,) = curve.points
-    assert cusp.name == "cusp" and list(cusp.values.values()) == pytest.approx([0, 1], abs=1e-8)
+    (cusp,) = curve.specials
+    assert cusp.kind == "cusp" and list(cusp.values.values()) == pytest.approx([0, 1], abs=1e-8)
 
 
 def test_resonances_of_a_torus_are_where_the_trace_says():
@@ -76,7 +76,7 @@ def test_resonances_of_a_torus_are_where_the_trace_says():
     orbit = map_in_two({x: a * x - b * u - x**3, u: x}, {x: 0.0, u: 0.0}, (0.3, 0.8))
     curve = follow(only(follow(orbit, {b: 1.2}), "torus"), {a: (-3, 3), b: (0, 2)})
     assert np.abs(curve.values[1] - 1).max() < ON_CURVE
-    assert {p.name: p.values["a"] for p in curve.points} == pytest.approx(
+    assert {p.kind: p.values["a"] for p in curve.specials} == pytest.approx(
         {"1:1 resonance": 2, "1:2 resonance": -2, "1:3 resonance": -1, "1:4 resonance": 0}, abs=1e-8
     )
     assert all("no torus is born" in end for end in curve.ends)
@@ -95,7 +95,7 @@ def test_branch_points_that_a_symmetry_keeps_are_followed():
     # x -> x + (a + b) x - x^3
     orbit = map_in_two({x: x + (a + b) * x - x**3}, {x: 0.0}, (-0.5, 0))
     curve = follow(only(follow(orbit, {a: 0.5}), "branch point"), {a: (-1, 1), b: (-1, 1)})
-    assert len(curve.orbits) > 20 and np.abs(curve.values.sum(axis=0)).max() < ON_CURVE
+    assert len(curve.points) > 20 and np.abs(curve.values.sum(axis=0)).max() < ON_CURVE
 
 
 def test_a_closed_curve_closes():
@@ -130,9 +130,9 @@ def test_the_symmetry_breaks_along_a_curve_that_branches_agree_with():
     )
     broken = only(follow(orbit, {sigma: 3.4}), "symmetry breaking")
     curve = follow(broken, {rho: (1, 5), sigma: (1, 6)})
-    assert len(curve.orbits) > 10
-    for k in range(2, len(curve.orbits), 5):
-        there = curve.orbits[k]
+    assert len(curve.points) > 10
+    for k in range(2, len(curve.points), 5):
+        there = curve.points[k]
         at = curve.values[1, k]
         first = find_orbit(
             there.system.with_parameters({sigma: at - 0.01}), there.x,
@@ -210,7 +210,7 @@ def test_a_surface_that_moves_with_a_parameter_is_grazed_in_proportion():
     )
     orbit = find_orbit(system, {x: -0.5, u: 0}, seen=Strobe(10 * sp.pi / 7))
     curve = follow(orbit, {d: (0.5, 2), A: (0, 3)}, kind="grazing impact")
-    assert len(curve.orbits) > 10 and max(point.steps for point in curve.orbits) <= 4
+    assert len(curve.points) > 10 and max(point.steps for point in curve.points) <= 4
     assert np.abs(curve.values[1] - curve.values[0] * grazing_amplitude(1.4)).max() < 1e-10
 
 
@@ -223,10 +223,10 @@ def test_a_grazing_curve_ends_where_the_orbit_touches_twice(virtual):
     )  # fmt: skip
     orbit = find_orbit(system, {x: 0, u: 0}, seen=Strobe(2 * sp.pi))
     curve = follow(orbit, {b: (-0.08, 0.08), A: (0, 5)}, kind="grazing impact", virtual=virtual)
-    (twice,) = curve.points
-    assert twice.name == "grazing impact + grazing impact"
+    (twice,) = curve.specials
+    assert twice.kind == "grazing impact + grazing impact"
     assert list(twice.values.values()) == pytest.approx([0, abs(3 - 0.2j)], abs=ON_CURVE)
-    assert curve.values[0].min() > -ON_CURVE and curve.ends[0].startswith(twice.name)
+    assert curve.values[0].min() > -ON_CURVE and curve.ends[0].startswith(twice.kind)
 
 
 @pytest.mark.thorough
@@ -240,8 +240,8 @@ def test_folds_of_the_impacting_orbit_reach_the_grazing_curve_at_no_speed():
     curve = follow(fold, {w: (0.55, 3), A: (0, 10)})
     assert max(abs(p - fold_amplitude(q)) for q, p in curve.values.T) < ON_CURVE
     for n, end in ((2, 0), (1, -1)):
-        point = curve.points[end]
-        assert point.name == "fold + grazing impact" and "virtual" in curve.ends[end]
+        point = curve.specials[end]
+        assert point.kind == "fold + grazing impact" and "virtual" in curve.ends[end]
         assert point.values["w"] == pytest.approx(2 * DAMPED / n, abs=ON_CURVE)
         assert point.values["A"] == pytest.approx(grazing_amplitude(2 * DAMPED / n), abs=ON_CURVE)
     # Tangent to it: the distance to the grazing curve is of second order.
@@ -257,11 +257,11 @@ def test_folds_of_the_impacting_orbit_reach_the_grazing_curve_at_no_speed():
 def test_flips_of_the_impacting_orbit_lie_where_the_issue_says(frequency, speed, amplitude):
     curve = follow(impacting(frequency, 0.98 * speed), {w: (0.6, 3), A: (0, 6)}, kind="flip")
     k = int(np.argmin(np.abs(curve.values[0] - frequency)))
-    start = curve.orbits[k]
+    start = curve.points[k]
     again = refine(start.map.with_parameters({w: frequency, A: amplitude}), start.x)
     assert again.multipliers == pytest.approx([-1, np.prod(again.multipliers) / -1], abs=1e-8)
     # All along, in closed form; at the very end the impact has no speed.
-    for q, p in curve.values.T[1 : -1 : max(1, len(curve.orbits) // 12)]:
+    for q, p in curve.values.T[1 : -1 : max(1, len(curve.points) // 12)]:
         assert p == pytest.approx(_flip_amplitude(q, p), abs=ON_CURVE)
 
 
@@ -322,7 +322,7 @@ def test_an_autonomous_cycle_grazes_where_its_branch_ends():
     )
     cycle = find_orbit(valve, {y1: 2.6, y2: 0, y3: 12.5}, seen=Return(y2, direction=-1), transient=300)
     branch = follow(cycle, {q: 6})
-    touch = branch.bifurcations[-1]
+    touch = branch.specials[-1]
     assert touch.kind == "grazing impact" and "grazing impact at q" in branch.end
     curve = follow(touch, {q: (6, 9), k: (1.25, 1.5)})
     assert "reached k = 1.25." in curve.ends
@@ -399,7 +399,7 @@ def test_static_friction_lets_a_stick_go_by_a_fold_from_one_half_on(slaved):
     # mu = lam (1 + rho (1 - lam^2)) has its fold at lam = 1 where rho = 1/2.
     exit_ = only(follow(symmetric(slaved, rho=1, sigma=1.9), {"rho": 0.3}), "exit by a fold")
     curve = follow(exit_, {"rho": (0, 3), "sigma": (1.2, 3)})
-    assert len(curve.orbits) > 10 and np.abs(curve.values[0] - 0.5).max() < ON_CURVE
+    assert len(curve.points) > 10 and np.abs(curve.values[0] - 0.5).max() < ON_CURVE
     assert "exit by a fold + crossing-sliding" in curve.ends[0] + curve.ends[-1]
 
 
@@ -424,14 +424,14 @@ def test_folds_and_partings_of_static_friction_lead_to_the_end_of_its_layer(slav
     """Beside a stick that a fold just lets go the map has a square root; from release to release it has none."""
     orbit = symmetric(slaved, rho=0.75, sigma=2)
     branch = follow(orbit, {"sigma": 0.5}, steps=Steps(longest=0.1))
-    assert [one.kind for one in branch.bifurcations] == ["fold", "adding-sliding"]
+    assert [one.kind for one in branch.specials] == ["fold", "adding-sliding"]
     assert branch.end.startswith("adding-sliding")
     ranges = {"rho": (0, 5), "sigma": (0.5, 5)}
-    folds, parted = (follow(one, ranges) for one in branch.bifurcations)
+    folds, parted = (follow(one, ranges) for one in branch.specials)
     for curve in (folds, parted):
         assert np.ptp(curve.values[0]) > 4.49 and curve.admissible.all()
-        (end,) = curve.points
-        assert end.name == f"{curve.kind} + exit by a fold"
+        (end,) = curve.specials
+        assert end.kind == f"{curve.kind} + exit by a fold"
         # The fold of lam (1 + rho (1 - lam^2)) comes to lam = 1 at rho = 1/2, and there it holds 1.
         assert list(end.values.values()) == pytest.approx([0.5, 1], abs=1e-7)
 
@@ -443,7 +443,7 @@ def test_a_fold_beside_a_stick_that_parts_is_as_near_to_it_as_a_short_slip_says(
     # k = 3.1: sigma = sigma_0 + b^2/2 - (k/12) (6 D)^(3/2) b. The next terms are some D^(1/2) of these, here 17 %.
     fold, parting = follow(
         symmetric(slaved, rho=rho, sigma=2), {"sigma": 0.5}, steps=Steps(longest=0.1)
-    ).bifurcations
+    ).specials
     lam = math.sqrt((1 + rho) / (3 * rho))
     more = lam * (1 + rho * (1 - lam**2)) - 1
     gap = (3.1 / 12) ** 2 * (6 * more) ** 3 / 2
@@ -458,10 +458,10 @@ def test_static_friction_that_just_catches_ends_a_branch_and_is_followed(slaved)
     orbit = find_orbit(at, {y: 0.5, v: 0.3}, seen=Strobe(2 * sp.pi / omega), transient=300)
     branch = follow(orbit, {"omega": 0.6}, steps=Steps(longest=0.1))
     assert branch.end.startswith("grazing-sliding") and len(orbit.word) == 6
-    curve = follow(branch.bifurcations[-1], {"omega": (0.4, 3), "sigma": (0.5, 5)})
+    curve = follow(branch.specials[-1], {"omega": (0.4, 3), "sigma": (0.5, 5)})
     assert curve.ends == ("reached sigma = 5.", "reached omega = 0.4.")
     # Two routes: over the drive, at the frequency where the curve leaves the plane.
-    (other,) = follow(orbit, {"sigma": 4}, steps=Steps(longest=0.1)).bifurcations
+    (other,) = follow(orbit, {"sigma": 4}, steps=Steps(longest=0.1)).specials
     assert other.kind == "grazing-sliding"
     assert curve.values[1, curve.values[0] == 0.4] == pytest.approx(other.parameter, abs=other.uncertainty)
 
@@ -480,17 +480,17 @@ def test_folds_of_rest_and_of_two_sticks_are_followed_through_canards():
     for fold, most in zip(follow(orbit, {sigma: 0.5}, steps=Steps(longest=0.1)).of_kind("fold"), (200, 60)):
         curve = follow(fold, {omega: (0.4, 3), sigma: (0.5, 5)})
         assert set(curve.ends) == {"reached omega = 0.4.", "reached omega = 3."}
-        assert len(curve.orbits) < most
+        assert len(curve.points) < most
     k = int(np.argmin(np.abs(curve.values[0] - 1)))
     assert curve.values[1, k] == pytest.approx(rest_limit(0.1 * curve.values[0, k], 1.8, 1.95), abs=2e-8)
 
 
 def test_a_curve_that_leads_no_further_says_so(monkeypatch):
     # Where steps become ever shorter, as in a canard whose slopes are not known; here all are cut short.
-    monkeypatch.setattr(curve_ways.Way, "_longer", staticmethod(lambda here, there: 0.5))
+    monkeypatch.setattr(curve_ways.CurveWay, "longer", staticmethod(lambda here, there: 0.5))
     orbit = map_in_two({x: a * x * (1 - x) - b * x}, {x: 0.6}, (2.8, 0))
     curve = follow(only(follow(orbit, {a: 3.3}), "flip"), {a: (1, 5), b: (-1, 1)})
-    assert all("cover" in end for end in curve.ends) and len(curve.orbits) < 200
+    assert all("cover" in end for end in curve.ends) and len(curve.points) < 200
 
 
 def test_two_routes_lead_to_the_point_where_symmetry_breaking_meets_crossing_sliding(slaved):
@@ -513,7 +513,7 @@ def test_the_border_of_a_skew_tent_is_followed():
         (0.3, 0.5),
     )  # fmt: skip
     curve = follow(orbit, {a: (-1, 1), b: (-1, 1)}, kind="border collision", switch=x)
-    assert len(curve.orbits) > 20 and np.abs(curve.values.sum(axis=0) - 0.5).max() < 1e-14
+    assert len(curve.points) > 20 and np.abs(curve.values.sum(axis=0) - 0.5).max() < 1e-14
 
 
 # ---- SlideCont's forced dry-friction oscillator: y'' + y = 3/2 sgn s - 3/2 s + 9/20 s^3 + A cos(w t), s = 1 - y'
@@ -555,7 +555,7 @@ def virtual_flips(slidecont):
 def test_published_flips_beyond_it_are_virtual(virtual_flips, amplitude, fastest, frequency):
     # Printed in the guide of SlideCont (Dercole & Kuznetsov), with max y' > 1.
     curve = follow(
-        virtual_flips.of_kind("flip + grazing-sliding")[0].orbit, {A: (1, amplitude), w: (2.3, 2.9)}, kind="flip",
+        virtual_flips.of_kind("flip + grazing-sliding")[0].point, {A: (1, amplitude), w: (2.3, 2.9)}, kind="flip",
         virtual=True,
     )  # fmt: skip
     k = int(np.argmax(curve.values[0]))
@@ -566,18 +566,18 @@ def test_published_flips_beyond_it_are_virtual(virtual_flips, amplitude, fastest
         {x: u, u: sp.Rational(3, 2) * (1 - s) + sp.Rational(9, 20) * s**3 + A * sp.cos(w * t) - x}, time=t,
         parameters={A: amplitude, w: curve.values[1, k]},
     )  # fmt: skip
-    start = curve.orbits[k]
+    start = curve.points[k]
     orbit = find_orbit(smooth, list(start.x), seen=Strobe(2 * sp.pi / w, phase=start.map.phase), count=2)
     assert orbit.multipliers[0].real == pytest.approx(-1, abs=1e-8)
     highest = orbit.solution().dense(np.linspace(*orbit.solution().t[[0, -1]], 20001))[0][1].max()
     assert highest == pytest.approx(fastest, abs=1e-3)
-    assert curve.admissible.any() and curve.orbits[k].message.startswith("virtual")
+    assert curve.admissible.any() and curve.points[k].message.startswith("virtual")
 
 
 def test_published_flips_turn_where_the_issue_says(virtual_flips):
     # The issue has A = 2.5695654 at w = 2.6433344, the guide A = 2.56957. Independently (DOP853, rtol 1e-13,
     # variational equations, A over nine w fitted by a polynomial): A = 2.569565389106, w = 2.643334808. As A is flat
     # there, its roundings of 1e-12 are 4e-7 in w.
-    (turn,) = (p for p in virtual_flips.turns if p.name == "turns in A")
+    (turn,) = (p for p in virtual_flips.turns if p.kind == "turns in A")
     assert turn.values["A"] == pytest.approx(2.569565389106, abs=ON_CURVE)
     assert turn.values["w"] == pytest.approx(2.6433348, abs=4e-7)

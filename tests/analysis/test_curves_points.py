@@ -1,6 +1,6 @@
 """Points of codimension 2 and the curves that begin there, against closed forms.
 
-Guards: analysis/continuation/codimension.py, analysis/continuation/curves/emanating.py,
+Guards: analysis/continuation/special.py, analysis/continuation/curves/emanating.py,
 analysis/continuation/curves/starts.py.
 """
 
@@ -30,8 +30,8 @@ def test_a_fold_of_the_doubled_orbit_begins_at_the_degenerate_flip():
     orbit = map_in_two({x: -(1 + a) * x + b * x**3 - x**5}, {x: 0.0}, (-0.1, 0.5))
     ranges = {a: (-1, 1), b: (-2, 2)}
     flips = follow(orbit, ranges, kind="flip")
-    (point,) = flips.points
-    assert point.name == "degenerate flip" and point.begins == ("fold",)
+    (point,) = flips.specials
+    assert point.kind == "degenerate flip" and point.begins == ("fold",)
     assert list(point.values.values()) == pytest.approx([0, 0], abs=1e-8)
     folds = follow(point, ranges)
     p, q = folds.values
@@ -45,16 +45,16 @@ def test_quadratic_terms_count_in_the_flips_normal_form():
     orbit = map_in_two({x: -(1 + a) * x + b * x**2 - x**3}, {x: 0.0}, (-0.1, 0.3))
     ranges = {a: (-0.5, 0.5), b: (-2, 2)}
     flips = follow(orbit, ranges, kind="flip")
-    assert [p.name for p in flips.points] == ["degenerate flip"] * 2
-    assert sorted(p.values["b"] for p in flips.points) == pytest.approx([-1, 1], abs=1e-8)
-    folds = follow(flips.points[0], ranges)
+    assert [p.kind for p in flips.specials] == ["degenerate flip"] * 2
+    assert sorted(p.values["b"] for p in flips.specials) == pytest.approx([-1, 1], abs=1e-8)
+    folds = follow(flips.specials[0], ranges)
 
     def two_cycle(unknown, at):
         y, z, p = unknown  # y -> z -> y, with the product of the slopes 1
         f, df = (lambda s: -(1 + p) * s + at * s**2 - s**3), (lambda s: -(1 + p) + 2 * at * s - 3 * s**2)
         return f(y) - z, f(z) - y, df(y) * df(z) - 1
 
-    for k in range(3, len(folds.orbits), 5):
+    for k in range(3, len(folds.points), 5):
         p, q = folds.values[:, k]
         y = folds.x[0, k]
         z = -(1 + p) * y + q * y**2 - y**3
@@ -71,15 +71,15 @@ def test_a_torus_begins_at_either_strong_resonance():
     flips = follow(only(follow(near[0], {a: 2.9}), "flip"), ranges)
     folds = follow(only(follow(near[1], {a: -0.95}), "fold"), ranges)
     for curve, back in ((flips, "flip"), (folds, "fold")):
-        (double,) = curve.points
+        (double,) = curve.specials
         assert double.begins == ("torus",)
         torus = follow(double, ranges)
         p, q = torus.values
         assert np.abs(q + 1).max() < ON_CURVE and [p.min(), p.max()] == pytest.approx([-1, 3], abs=1e-8)
         assert any(end.startswith("it begins at") for end in torus.ends)
-        (other,) = (point for point in torus.points if point.begins)
+        (other,) = (point for point in torus.specials if point.begins)
         assert other.begins == ({"flip": "fold", "fold": "flip"}[back],)
-    assert {point.name: point.values["a"] for point in torus.points} == pytest.approx(
+    assert {point.kind: point.values["a"] for point in torus.specials} == pytest.approx(
         {"1:2 resonance": 3, "1:3 resonance": 1.25, "1:4 resonance": 0}, abs=1e-8
     )
 
@@ -100,13 +100,13 @@ def test_folds_of_impacting_orbits_begin_at_degenerate_grazing_and_lead_back():
     orbit = find_orbit(quiet, {x: -0.5, u: 0}, seen=Strobe(2 * sp.pi / w))
     grazing = follow(orbit, ranges, kind="grazing impact")
     third, second, first = grazing.of_kind("degenerate grazing")
-    assert all(point.begins == ("fold",) for point in grazing.points)
+    assert all(point.begins == ("fold",) for point in grazing.specials)
     short, long = follow(third, ranges), follow(second, ranges)
     for folds in (short, long):
-        assert len(folds.orbits) > 10 and folds.admissible.all()
+        assert len(folds.points) > 10 and folds.admissible.all()
         assert max(abs(p - fold_amplitude(q)) for q, p in folds.values.T) < ON_CURVE
-    (end,) = long.points
-    assert end.name == "fold + grazing impact" and end.begins == ("grazing impact",)
+    (end,) = long.specials
+    assert end.kind == "fold + grazing impact" and end.begins == ("grazing impact",)
     assert list(end.values.values()) == pytest.approx(list(first.values.values()), abs=1e-7)
     again = follow(end, ranges)
     frequency, amplitude = again.values
@@ -135,10 +135,10 @@ def test_folds_of_orbits_with_one_impact_in_several_periods_begin_there(grazing,
     points = grazing.of_kind(f"degenerate grazing, period {m}")
     point = min(points, key=lambda one: abs(one.values["w"] - 2 * m * DAMPED / n))
     folds = follow(point, {w: (0.55, 3), A: (0, 10)})
-    assert len(folds.orbits) > 20 and folds.admissible.all()
+    assert len(folds.points) > 20 and folds.admissible.all()
     assert max(abs(p - fold_amplitude(q, m)) for q, p in folds.values.T) < ON_CURVE
     # Of their orbits the exact map is the one of m periods, with one impact in all.
-    middle = folds.orbits[len(folds.orbits) // 2]
+    middle = folds.points[len(folds.points) // 2]
     assert middle.map.count == m and [kind for _, kind, _ in middle.word] == ["impact"]
 
 
@@ -156,7 +156,7 @@ def test_each_of_two_curves_of_the_friction_oscillator_leads_to_the_other(slaved
     system, ranges, broken = slaved
     (one,) = broken.of_kind("symmetry breaking + crossing-sliding")
     crossed = follow(one, ranges)
-    (other,) = follow(only(follow(symmetric(system), {"rho": 0.3}), "crossing-sliding"), ranges).points
+    (other,) = follow(only(follow(symmetric(system), {"rho": 0.3}), "crossing-sliding"), ranges).specials
     assert crossed.kind == "crossing-sliding" and np.ptp(crossed.values[1, crossed.values[0] < 0.5]) < ON_CURVE
     back = follow(other, ranges)
     assert back.kind == "symmetry breaking"
@@ -168,10 +168,10 @@ def test_asymmetric_orbits_of_the_friction_oscillator_fold_from_a_degenerate_sym
     _, ranges, broken = slaved
     (point,) = broken.of_kind("degenerate symmetry breaking")
     folds = follow(point, ranges)
-    assert len(folds.orbits) > 5
+    assert len(folds.points) > 5
     # An independent route: branches of asymmetric orbits over sigma turn there.
-    k = len(folds.orbits) // 2
-    middle = folds.orbits[k]
+    k = len(folds.points) // 2
+    middle = folds.points[k]
     assert not middle.symmetric and abs(middle.multipliers - 1).min() < 1e-8
     rho_, sigma_ = folds.values[:, k]
     start = only_asymmetric(middle, sigma_)
@@ -197,7 +197,7 @@ def only_asymmetric(orbit, value):
 def test_a_point_at_which_nothing_begins_says_so():
     orbit = map_in_two({x: a + b * x - x**3}, {x: 1.2}, (0.5, 1.8))
     ranges = {a: (-1, 1), b: (0, 2)}
-    (cusp,) = follow(only(follow(orbit, {a: -1}), "fold"), ranges).points
+    (cusp,) = follow(only(follow(orbit, {a: -1}), "fold"), ranges).specials
     assert cusp.begins == ()
     with pytest.raises(ValueError, match="at which no other curve begins"):
         follow(cusp, ranges)

@@ -30,7 +30,7 @@ def mapped(update, start, values):
 
 def grown(curve, rate):
     """The least of the largest multipliers, each over exp(rate * period)."""
-    return min(abs(orbit.multipliers).max() / math.exp(rate * orbit.period) for orbit in curve.orbits)
+    return min(abs(orbit.multipliers).max() / math.exp(rate * orbit.period) for orbit in curve.points)
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def grown(curve, rate):
 def test_smooth_curves_go_on_beside_a_multiplier_of_1e11(update, start, values, kind, to, ranges, exact):
     found = follow(mapped(update, start, values), to).of_kind(kind)[0]
     curve = follow(found, ranges)
-    assert len(curve.orbits) > 20 and np.abs(exact(*curve.values)).max() < ON_CURVE
+    assert len(curve.points) > 20 and np.abs(exact(*curve.values)).max() < ON_CURVE
     assert grown(curve, K) == pytest.approx(1, rel=1e-6)
 
 
@@ -57,8 +57,8 @@ def test_strong_resonances_are_found_beside_a_multiplier_of_1e11():
     # The determinant of Henon's map is -b: 4 a = 3 (1 - b)^2 meets it at a = 3, and the test function is its own.
     orbit = mapped({x: 1 - a * x**2 + u, u: b * x}, {x: 0.36, u: -0.32}, (2.5, -0.9))
     flips = follow(follow(orbit, {a: 2.9}).of_kind("flip")[0], {a: (2, 4), b: (-1.1, -0.8)})
-    (double,) = flips.points
-    assert double.name == "1:2 resonance" and list(double.values.values()) == pytest.approx([3, -1], abs=1e-8)
+    (double,) = flips.specials
+    assert double.kind == "1:2 resonance" and list(double.values.values()) == pytest.approx([3, -1], abs=1e-8)
 
 
 @pytest.mark.thorough
@@ -73,7 +73,7 @@ def test_a_stop_is_grazed_by_an_orbit_with_multipliers_up_to_1e19():
     frequency, amplitude = curve.values
     assert curve.ends == ("reached w = 0.55.", "reached w = 3.")
     assert np.abs(amplitude - np.sqrt((1 - frequency**2) ** 2 + frequency**2 / 100)).max() < ON_CURVE
-    assert max(abs(orbit.multipliers).max() for orbit in curve.orbits) > 1e19
+    assert max(abs(orbit.multipliers).max() for orbit in curve.points) > 1e19
 
 
 def test_den_hartogs_line_is_followed_beside_multipliers_of_1e11_and_more():
@@ -90,10 +90,10 @@ def test_den_hartogs_line_is_followed_beside_multipliers_of_1e11_and_more():
     )  # fmt: skip
     begins = follow(orbit, {F: 1.1 * limit(0.7)}).of_kind("crossing-sliding")[0]
     curve = follow(begins, {w: (0.52, 0.98), F: (0.01, 2)})
-    assert len(curve.orbits) > 20
+    assert len(curve.points) > 20
     assert np.abs(curve.values[1] - limit(curve.values[0])).max() < ON_CURVE
     assert (
-        not curve.points
+        not curve.specials
     )  # a pair with the product 1 is no torus where it is real, as exp(4 T) and another one here
 
 
@@ -138,6 +138,6 @@ def test_folds_from_impact_to_impact_go_over_to_segments_where_deviations_grow()
     )
     fold = follow(orbit, {A: 0.2}).of_kind("fold")[0]
     curve = follow(fold, {w: (1.3, 1.45), A: (0, 10)})
-    cut = [one.segments is not None for one in curve.orbits]
+    cut = [one.segments is not None for one in curve.points]
     assert any(cut) and not all(cut)
     assert max(abs(p - fold_amplitude(q)) for q, p in curve.values.T) < ON_CURVE

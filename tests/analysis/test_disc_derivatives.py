@@ -152,7 +152,7 @@ def test_the_planar_oscillator_has_its_orbit_and_sticks_are_born_on_its_branch()
     born = branch.of_kind("grazing-sliding")
     assert len(born) == 2 and born[0].parameter == pytest.approx(born[1].parameter, abs=1e-9)
     # Beyond it the block stops twice in a period.
-    assert len(branch.orbits[-1].solution().event_times("stick")) == 2
+    assert len(branch.points[-1].solution().event_times("stick")) == 2
 
 
 def test_lyapunov_exponents_of_a_block_that_sticks_again_and_again():

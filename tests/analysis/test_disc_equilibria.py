@@ -92,17 +92,17 @@ def test_where_a_branch_sticks_folds_and_slips():
         parameters={F: 0.1},
     )
     branch = follow(find_equilibrium(block, {u: 0, v: 0}), {F: 3})
-    fold, slip = branch.bifurcations
+    fold, slip = branch.specials
     assert (fold.kind, slip.kind) == ("hidden fold", "boundary equilibrium: nonsmooth fold")
     assert fold.parameter == pytest.approx(16 / 9, abs=1e-9)  # the largest of l (4 - 3 l^2)
-    assert slip.parameter == pytest.approx(1, abs=1e-9) and slip.what == "|lam| reaches 1: it slips"
-    assert slip.beyond.held == () and branch.equilibria[-1].x == pytest.approx([4, 0])
+    assert slip.parameter == pytest.approx(1, abs=1e-9) and slip.note == "|lam| reaches 1: it slips"
+    assert slip.beyond.held == () and branch.points[-1].x == pytest.approx([4, 0])
 
     skew = System({u: F - lam[0] - u / 2, v: sp.Rational(9, 10) - lam[1] - v / 2}, parameters={F: 1.2})
     branch = follow(find_equilibrium(skew, {u: 1, v: 0.7}), {F: -2})
-    assert [b.kind for b in branch.bifurcations] == ["boundary equilibrium: persistence"] * 2
-    assert [b.parameter for b in branch.bifurcations] == pytest.approx([0.19**0.5, -(0.19**0.5)], abs=1e-9)
-    held = np.array([bool(e.held) for e in branch.equilibria])
+    assert [b.kind for b in branch.specials] == ["boundary equilibrium: persistence"] * 2
+    assert [b.parameter for b in branch.specials] == pytest.approx([0.19**0.5, -(0.19**0.5)], abs=1e-9)
+    held = np.array([bool(e.held) for e in branch.points])
     assert np.all(np.abs(branch.values[held]) <= 0.19**0.5 + 1e-9) and held.sum() > 5
 
 
@@ -117,11 +117,11 @@ def test_a_hopf_point_of_weakening_friction_is_that_on_a_line():
     line = System({x: u, u: -x - single * weak.subs(v, 0) - u / 5}, parameters={V: 1})
     for system in (plane, line):
         branch = follow(find_equilibrium(system, {s: 0.5 if s is x else 0 for s in system.states}), {V: -1})
-        hopf, border = branch.bifurcations
+        hopf, border = branch.specials
         assert (hopf.kind, border.kind) == ("Hopf", "boundary equilibrium")
         assert hopf.parameter == pytest.approx(np.log(2), abs=1e-9)
         assert (hopf.frequency, hopf.lyapunov) == pytest.approx((1, 0.025))
-        assert border.parameter == pytest.approx(0, abs=1e-9) and "no single equilibrium" in border.what
+        assert border.parameter == pytest.approx(0, abs=1e-9) and "no single equilibrium" in border.note
 
 
 def test_a_block_between_springs_rests_in_a_set():
@@ -182,7 +182,7 @@ def test_in_the_plane_of_two_forces_slip_begins_on_circles():
     fold = 1 + 3 * (1 - square)
     static = System({u: F - lam[0] * fold - u / 2, v: a - lam[1] * fold - v / 2}, parameters={F: 0.1, a: 0.3})
     for block, kind, radius in ((plain, "boundary equilibrium", 1), (static, "hidden fold", 16 / 9)):
-        first = follow(find_equilibrium(block, {u: 0, v: 0}), {F: 2}).bifurcations[0]
+        first = follow(find_equilibrium(block, {u: 0, v: 0}), {F: 2}).specials[0]
         curve = follow(first, box)
         assert curve.kind == kind and curve.ends == ("it closes.",)
         assert np.hypot(*np.array(curve.values)) == pytest.approx(radius, abs=1e-10)
@@ -231,9 +231,9 @@ def test_curves_from_a_saddle_in_slip():
 def test_on_a_belt_slip_ends_along_lines():
     belt = Disc("m", (u - V, v))
     system = System({u: F - belt[0] - u / 2, v: -belt[1] - v}, parameters={F: 3, V: 1})
-    first = follow(find_equilibrium(system, {u: 4, v: 0}), {F: 0}).bifurcations[0]
-    assert first.parameter == pytest.approx(1.5, abs=1e-9) and first.what == "the slip of m ends: it is held"
+    first = follow(find_equilibrium(system, {u: 4, v: 0}), {F: 0}).specials[0]
+    assert first.parameter == pytest.approx(1.5, abs=1e-9) and first.note == "the slip of m ends: it is held"
     curve = follow(first, {F: (0, 3), V: (-2, 2)})
     forces, speeds = np.array(curve.values)
     assert forces == pytest.approx(1 + speeds / 2, abs=1e-9) and np.ptp(speeds) > 3
-    assert not curve.points and len(curve.equilibria) < 200
+    assert not curve.specials and len(curve.points) < 200

@@ -252,7 +252,7 @@ def test_a_common_zero_of_two_fields_is_isolated():
     assert len(equilibria(switched, {x: (-1, 1), v: (-1, 1)})) == 1
     # Half turns multiply by exp(pi a) and exp(-2 pi/3).
     branch = follow(zero, {a: 1})
-    (hopf,) = branch.bifurcations
+    (hopf,) = branch.specials
     assert hopf.kind == "Hopf" and hopf.parameter == pytest.approx(2 / 3, abs=1e-9) and hopf.lyapunov is None
     assert branch.stable[0] and not branch.stable[-1]
 

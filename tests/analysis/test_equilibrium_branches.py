@@ -30,7 +30,7 @@ def mu(lam, strength=3):
 
 
 def kinds(branch):
-    return [b.kind for b in branch.bifurcations]
+    return [b.kind for b in branch.specials]
 
 
 # ---- smooth ones
@@ -38,7 +38,7 @@ def kinds(branch):
 
 def test_a_fold_is_found_and_passed():
     branch = follow(find_equilibrium(System({x: a - x**2}, parameters={a: 1}), {x: 1}), {a: -1})
-    (fold,) = branch.bifurcations
+    (fold,) = branch.specials
     assert fold.kind == "fold" and abs(fold.parameter) < LOCATED
     assert branch.x[0, 0] == 1 and branch.x[0, -1] == pytest.approx(-1, abs=1e-12) and branch.values[-1] == 1
     assert branch.stable.tolist() == (branch.x[0] > 0).tolist()
@@ -47,7 +47,7 @@ def test_a_fold_is_found_and_passed():
 
 def test_a_branch_point_is_no_fold():
     branch = follow(find_equilibrium(System({x: a * x - x**3}, parameters={a: 1}), {x: 0}), {a: -1})
-    assert kinds(branch) == ["branch point"] and abs(branch.bifurcations[0].parameter) < LOCATED
+    assert kinds(branch) == ["branch point"] and abs(branch.specials[0].parameter) < LOCATED
 
 
 @pytest.mark.parametrize("cubic", [-1.0, 0.5])
@@ -58,7 +58,7 @@ def test_a_hopf_point_has_frequency_and_lyapunov_coefficient_of_its_normal_form(
         {x: a * x - w * y + cubic * x * r2, y: w * x + a * y + cubic * y * r2, z: x * y - z},
         parameters={a: -0.4},
     )
-    (hopf,) = follow(find_equilibrium(system, {x: 0, y: 0, z: 0}), {a: 0.3}).bifurcations
+    (hopf,) = follow(find_equilibrium(system, {x: 0, y: 0, z: 0}), {a: 0.3}).specials
     assert hopf.kind == "Hopf" and abs(hopf.parameter) < LOCATED
     assert hopf.frequency == pytest.approx(w, abs=LOCATED)
     assert hopf.lyapunov == pytest.approx(2 * cubic / w, rel=1e-10)
@@ -113,9 +113,9 @@ def valve(**more):
 def test_the_relief_valve_has_its_hopf_point():
     # Routh-Hurwitz of the cubic characteristic polynomial, solved for x = y1 by the project's issue 18: 16 digits.
     branch = follow(find_equilibrium(valve(), {y1: 2.5, y2: 0, y3: 12}), {q: 7})
-    (hopf,) = branch.bifurcations
+    (hopf,) = branch.specials
     assert hopf.parameter == pytest.approx(8.491117635183327, abs=LOCATED)
-    assert hopf.equilibrium.x == pytest.approx([2.4103132376866503, 0, 12.41031323768665], abs=LOCATED)
+    assert hopf.point.x == pytest.approx([2.4103132376866503, 0, 12.41031323768665], abs=LOCATED)
     assert hopf.frequency == pytest.approx(3.09070885, abs=5e-9)
     assert hopf.lyapunov < 0
 
@@ -143,13 +143,13 @@ def test_the_valve_s_cycle_grazes_its_seat_at_one_flow_by_two_routes():
     cycle = cycle_from(hopf, 0.05)
     assert cycle.success and cycle.stable and 0 < hopf.parameter - cycle.system.parameters[q] < 1e-4
     branch = follow(cycle, {q: 7.4})
-    touch = next(c for c in branch.bifurcations if "seat" in str(c))
+    touch = next(c for c in branch.specials if "seat" in str(c))
     other, period = grazing_by_shooting()
     assert touch.parameter == pytest.approx(other, abs=1e-9)
-    assert touch.orbit.period == pytest.approx(period, abs=1e-7)
+    assert touch.point.period == pytest.approx(period, abs=1e-7)
     # With impacts the branch of the cycle ends there: a square root leads away.
     real = follow(find_equilibrium(valve(), {y1: 2.5, y2: 0, y3: 12}), {q: 8})
-    impacts = follow(cycle_from(real.bifurcations[0], 0.05), {q: 7.4})
+    impacts = follow(cycle_from(real.specials[0], 0.05), {q: 7.4})
     assert impacts.values.min() == pytest.approx(other, abs=1e-5) and "impact" in impacts.end
 
 
@@ -186,12 +186,12 @@ def test_a_boundary_equilibrium_is_classified_as_the_determinants_say(seed):
     case = Normal(seed)
     start = find_equilibrium(case.system, case.regular(case.side), sides={"s": 1})
     branch = follow(start, {a: -case.side})
-    first = branch.bifurcations[0]
+    first = branch.specials[0]
     assert abs(first.parameter) < LOCATED
     kind = "nonsmooth fold" if case.criterion > 0 else "persistence"
     assert first.kind == f"boundary equilibrium: {kind}"
     sign = 1 if case.criterion > 0 else -1
-    pseudo = [e for e in branch.equilibria if e.sides == (0,)]
+    pseudo = [e for e in branch.points if e.sides == (0,)]
     assert len(pseudo) > 1
     for e in pseudo:
         value = e.system.parameters[a]
@@ -200,22 +200,25 @@ def test_a_boundary_equilibrium_is_classified_as_the_determinants_say(seed):
         assert np.allclose([*e.x, *e.mult], [*at, held], rtol=1e-9, atol=1e-9) and e.admissible
 
 
+def test_an_isle_of_equilibria_closes():
+    branch = follow(
+        find_equilibrium(System({x: 0.25 - a**2 - x**2}, parameters={a: 0}), {x: 0.5}), {a: (-1, 1)}
+    )
+    assert branch.ends == ("it closes.",) and kinds(branch) == ["fold", "fold"]
+
+
 def test_virtual_equilibria_are_followed_on_request_and_called_so():
     case = Normal(1)
     start = find_equilibrium(case.system, case.regular(case.side), sides={"s": 1})
     branch = follow(start, {a: -case.side}, virtual=True)
     assert branch.end.startswith("reached") and branch.values[-1] == -case.side
-    assert branch.virtual.tolist() == (branch.values * case.side < -LOCATED).tolist()
-    assert branch.bifurcations[0].kind.startswith("boundary equilibrium: ")
-    for e in branch.equilibria:
+    assert (~branch.admissible).tolist() == (branch.values * case.side < -LOCATED).tolist()
+    assert branch.specials[0].kind.startswith("boundary equilibrium: ")
+    for e in branch.points:
         assert e.x == pytest.approx(case.regular(e.system.parameters[a]), abs=1e-10)
     # And back from there: the admissible part begins where it ended.
-    back = follow(branch.equilibria[-1], {a: case.side})
-    assert (
-        back.end.startswith("reached")
-        and not back.virtual[-1]
-        and abs(back.bifurcations[0].parameter) < LOCATED
-    )
+    back = follow(branch.points[-1], {a: case.side})
+    assert back.end.startswith("reached") and back.admissible[-1] and abs(back.specials[0].parameter) < LOCATED
 
 
 @pytest.mark.parametrize("stiffness, kind", [(1.0, "persistence"), (-1.0, "nonsmooth fold")])
@@ -225,14 +228,14 @@ def test_a_contact_closes_with_its_class(stiffness, kind):
     stop = Unilateral(y, restitution=0.5, name="R")
     system = System({y: v, v: a - stiffness * y - v + stop.reaction}, parameters={a: stiffness})
     branch = follow(find_equilibrium(system, {y: 1, v: 0}, sides={"R": 1}), {a: -stiffness})
-    (closing,) = branch.bifurcations
+    (closing,) = branch.specials
     assert closing.kind == f"boundary equilibrium: {kind}" and abs(closing.parameter) < LOCATED
-    assert "closes" in closing.what
-    last = branch.equilibria[-1]
+    assert "closes" in closing.note
+    last = branch.points[-1]
     assert (
         last.held == ("R",)
         and last.mult[0] == pytest.approx(-branch.values[-1], abs=1e-12)
-        and last.mult[0] == 1
+        and last.mult[0] == pytest.approx(1, abs=1e-12)
     )
 
 
@@ -251,7 +254,7 @@ def test_a_relay_s_equilibrium_goes_through_its_surface():
     relay = System({x: a - sp.sign(x) - x}, parameters={a: -3})
     branch = follow(find_equilibrium(relay, {x: -2}), {a: 3})
     assert kinds(branch) == ["boundary equilibrium: persistence"] * 2
-    assert [c.parameter for c in branch.bifurcations] == pytest.approx([-1, 1], abs=LOCATED)
+    assert [c.parameter for c in branch.specials] == pytest.approx([-1, 1], abs=LOCATED)
     values = np.where(abs(branch.values) > 1, branch.values - np.sign(branch.values), 0)
     assert branch.x[0] == pytest.approx(values, abs=1e-12)
 
@@ -263,9 +266,9 @@ def test_a_pulled_block_goes_from_stick_over_the_hidden_fold_to_slip():
     pulled = System({v: F - mu(lam) - v / 10}, parameters={F: 0.5})
     branch = follow(find_equilibrium(pulled, {v: 0}), {F: 3})
     assert kinds(branch) == ["hidden fold", "boundary equilibrium: nonsmooth fold"]
-    hidden, border = branch.bifurcations
+    hidden, border = branch.specials
     assert hidden.parameter == pytest.approx(16 / 9, abs=LOCATED)
-    assert hidden.equilibrium.mult[0] == pytest.approx(2 / 3, abs=1e-9)  # to the root of what F is known to
+    assert hidden.point.mult[0] == pytest.approx(2 / 3, abs=1e-9)  # to the root of what F is known to
     assert border.parameter == pytest.approx(1, abs=LOCATED) and border.beyond.kind == "regular"
     assert branch.x[0, -1] == pytest.approx(20, abs=1e-9)  # v = 10 (F - 1)
     repelling = (branch.mult[0] > 2 / 3) & (branch.mult[0] < 1)
@@ -279,7 +282,7 @@ def test_the_set_in_which_a_block_sticks_is_followed_along_a_state_to_its_ends()
         e = find_equilibrium(block, {y: 0.35, v: 0})
         branch = follow(e, {y: direction * 5.0})
         assert kinds(branch) == ["hidden fold", "end of the set"]
-        hidden, end = branch.bifurcations
+        hidden, end = branch.specials
         assert hidden.parameter == pytest.approx((0.7 + direction * 16 / 9) / 2, abs=LOCATED)
         assert end.parameter == pytest.approx((0.7 + direction) / 2, abs=LOCATED)
         assert 2 * branch.values == pytest.approx([0.7 - mu(l) for l in branch.mult[0]], abs=1e-11)
@@ -296,7 +299,7 @@ def test_a_hidden_state_turns_the_hidden_fold_into_a_fold():
         {v: F - lam * (1 + rho * z), z: (1 - lam**2 - z) / beta}, parameters={F: 0.5, rho: 3, beta: 0.1}
     )
     branch = follow(find_equilibrium(system, {v: 0, z: 0.9}), {F: 2})
-    assert kinds(branch)[0] == "fold" and branch.bifurcations[0].parameter == pytest.approx(16 / 9, abs=LOCATED)
+    assert kinds(branch)[0] == "fold" and branch.specials[0].parameter == pytest.approx(16 / 9, abs=LOCATED)
     assert branch.stable[0] and not branch.stable[-2]
 
 
@@ -304,7 +307,7 @@ def test_a_sliding_hopf_point_has_its_cycle_on_the_surface():
     r2 = x**2 + y**2
     system = System({x: a * x - y - x * r2, y: x + a * y - y * r2, z: x / 5 - sp.sign(z)}, parameters={a: -0.3})
     branch = follow(find_equilibrium(system, {x: 0, y: 0, z: 0}), {a: 0.4})
-    (hopf,) = branch.bifurcations
+    (hopf,) = branch.specials
     assert hopf.kind == "sliding Hopf" and abs(hopf.parameter) < LOCATED
     assert hopf.frequency == pytest.approx(1, abs=LOCATED) and hopf.lyapunov is None
     cycle = cycle_from(hopf, 0.2)
@@ -317,17 +320,17 @@ def test_a_pseudo_hopf_point_is_where_two_invisible_folds_meet():
     # y' = -(x - a) above, -(x + a) below: sliding between x = -|a| and |a|, which repels for a > 0
     s = Switch("s", y)
     branch = follow(find_equilibrium(System({x: s, y: -x + s * a}, parameters={a: -1}), {x: 0.1, y: 0}), {a: 1})
-    assert kinds(branch) == ["pseudo-Hopf"] and abs(branch.bifurcations[0].parameter) < LOCATED
+    assert kinds(branch) == ["pseudo-Hopf"] and abs(branch.specials[0].parameter) < LOCATED
     assert branch.stable[0] and not branch.stable[-1]
     # The other way round on both sides: visible, and no cycle.
     seen = follow(find_equilibrium(System({x: -s, y: -x + s * a}, parameters={a: -1}), {x: 0.1, y: 0}), {a: 1})
-    assert kinds(seen) == ["two-fold"] and "both visible" in seen.bifurcations[0].what
+    assert kinds(seen) == ["two-fold"] and "both visible" in seen.specials[0].note
 
 
 def test_the_surface_of_an_event_is_marked():
     system = System({x: a - x}, parameters={a: 0}, events=[Event(x - 1, name="gate")])
     branch = follow(find_equilibrium(system, {x: 0}), {a: 2})
-    assert kinds(branch) == ["surface of an event"] and branch.bifurcations[0].parameter == pytest.approx(
+    assert kinds(branch) == ["surface of an event"] and branch.specials[0].parameter == pytest.approx(
         1, abs=LOCATED
     )
 
@@ -339,7 +342,7 @@ def test_the_surface_of_an_event_is_marked():
 def test_a_cycle_from_a_hopf_point_is_that_of_the_normal_form_and_goes_on(amplitude):
     r2 = x**2 + y**2
     ring = System({x: a * x - 2 * y - x * r2, y: 2 * x + a * y - y * r2}, parameters={a: -0.5})
-    (hopf,) = follow(find_equilibrium(ring, {x: 0, y: 0}), {a: 0.5}).bifurcations
+    (hopf,) = follow(find_equilibrium(ring, {x: 0, y: 0}), {a: 0.5}).specials
     cycle = cycle_from(hopf, amplitude)
     value = cycle.system.parameters[a]
     assert cycle.success and value == pytest.approx(amplitude**2 / 2, abs=1e-8)
@@ -353,7 +356,7 @@ def test_a_cycle_from_a_hopf_point_is_that_of_the_normal_form_and_goes_on(amplit
 
 
 def test_a_cycle_begins_at_no_fold():
-    (fold,) = follow(find_equilibrium(System({x: a - x**2}, parameters={a: 1}), {x: 1}), {a: -1}).bifurcations
+    (fold,) = follow(find_equilibrium(System({x: a - x**2}, parameters={a: 1}), {x: 1}), {a: -1}).specials
     with pytest.raises(ValueError, match="`hopf` is a fold; cycles begin at a Hopf"):
         cycle_from(fold)
 
@@ -380,13 +383,15 @@ def test_a_branch_is_a_table_and_a_picture():
     branch = follow(find_equilibrium(pulled, {v: 0}), {F: 1.5}, virtual=True)
     table = branch.to_dataframe()
     assert list(table) == ["F", "v", "stable", "lam", "stability", "virtual", "rightmost_eigenvalue"]
-    assert len(table) == len(branch.equilibria)
+    assert len(table) == len(branch.points)
     ax = branch.plot(lam)
     assert ax.get_xlabel() == "F" and ax.get_ylabel() == "lam" and ax.get_legend() is None
     assert ax.lines[0].get_ydata() == pytest.approx(branch.mult[0])
     with pytest.raises(ValueError, match="`name` names 'nu', which is no state or multiplier"):
         branch.plot("nu")
-    assert "Branch: " in repr(branch) and "equilibria, F from 0.5 to 1.5; reached" in repr(branch)
+    assert all(
+        part in repr(branch) for part in ("Branch: 13 equilibria", "F from 0.5 to 1.5", "reached F = 1.5.")
+    )
 
 
 def test_equilibria_of_a_box_agree_with_the_branch_through_it():
@@ -396,9 +401,7 @@ def test_equilibria_of_a_box_agree_with_the_branch_through_it():
     passed = [e for e in found if e.admissible]
     assert len(passed) == 3  # stuck, stuck and repelling, slipping: the branch has all
     for e in passed:
-        near = min(
-            branch.equilibria, key=lambda o: abs(o.system.parameters[F] - 1.5) + abs(o.mult[0] - e.mult[0])
-        )
+        near = min(branch.points, key=lambda o: abs(o.system.parameters[F] - 1.5) + abs(o.mult[0] - e.mult[0]))
         assert near.stable == e.stable
 
 
@@ -407,9 +410,9 @@ def test_a_range_is_followed_both_ways():
     start = find_equilibrium(bent, {x: 1})
     whole = follow(start, {a: (-1, 1)})
     down, up = (follow(start, {a: (-1, 1)}, way=way) for way in (-1, 1))
-    assert whole.equilibria[len(down.equilibria) - 1] is start
+    assert whole.points[len(down.points) - 1] is start
     np.testing.assert_array_equal(whole.values, [*down.values[:0:-1], *up.values])
-    assert [b.parameter for b in whole.bifurcations] == [b.parameter for b in down.bifurcations[::-1]]
+    assert [b.parameter for b in whole.specials] == [b.parameter for b in down.specials[::-1]]
     assert whole.end == f"{down.end} {up.end}" and up.values[-1] == 1
 
 
@@ -432,6 +435,6 @@ def test_where_it_is_followed_is_checked(over, more, words):
 
 
 def test_a_bifurcation_is_followed_over_two_parameters():
-    (fold,) = follow(find_equilibrium(System({x: a - x**2}, parameters={a: 1}), {x: 1}), {a: -1}).bifurcations
+    (fold,) = follow(find_equilibrium(System({x: a - x**2}, parameters={a: 1}), {x: 1}), {a: -1}).specials
     with pytest.raises(TypeError, match="`start` is .*, which is followed over two parameters"):
         follow(fold, {a: 1})

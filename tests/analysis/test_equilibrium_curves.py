@@ -1,7 +1,7 @@
 """Curves of bifurcations of equilibria in two parameters against closed forms.
 
 Guards: analysis/continuation/equilibria/curves.py, analysis/continuation/equilibria/conditions.py,
-analysis/continuation/equilibria/walk.py.
+analysis/continuation/equilibria/problem.py.
 """
 
 import numpy as np
@@ -24,8 +24,8 @@ def test_a_fold_goes_around_its_cusp():
     curve = follow(fold, {a: (-1, 1), b: (-1, 1)})
     p, q = curve.values
     assert len(p) > 20 and np.abs(27 * p**2 - 4 * q**3).max() < ON_CURVE
-    (cusp,) = curve.points
-    assert cusp.name == "cusp" and list(cusp.values.values()) == pytest.approx([0, 0], abs=1e-8)
+    (cusp,) = curve.specials
+    assert cusp.kind == "cusp" and list(cusp.values.values()) == pytest.approx([0, 0], abs=1e-8)
     assert curve.ends == ("reached b = 1.", "reached b = 1.") and curve.to_dataframe().shape[0] == len(p)
 
 
@@ -35,8 +35,8 @@ def test_a_hopf_curve_and_a_fold_lead_to_each_other_at_bogdanov_and_takens_point
     branch = follow(find_equilibrium(system, {x: -1, y: 0}), {b: 2})
     hopf = follow(branch.of_kind("Hopf")[0], PLANE)
     assert np.abs(hopf.values[0] + hopf.values[1] ** 2).max() < ON_CURVE and hopf.values[1].min() > -ON_CURVE
-    (point,) = hopf.points
-    assert point.name == "Bogdanov-Takens" and point.begins == ("fold",)
+    (point,) = hopf.specials
+    assert point.kind == "Bogdanov-Takens" and point.begins == ("fold",)
     assert list(point.values.values()) == pytest.approx([0, 0], abs=1e-8)
     folds = follow(point, PLANE)
     assert folds.kind == "fold" and np.abs(folds.values[0]).max() < ON_CURVE and np.ptp(folds.values[1]) == 3
@@ -54,8 +54,8 @@ def test_hopf_points_change_their_criticality_where_the_cubic_term_does():
     system = System({x: x * growth - y, y: y * growth + x}, parameters={a: -0.1, b: 0.5})
     branch = follow(find_equilibrium(system, {x: 0, y: 0}), {a: 0.5})
     curve = follow(branch.of_kind("Hopf")[0], {a: (-1, 1), b: (-1, 1)})
-    (point,) = curve.points
-    assert point.name == "generalised Hopf" and np.abs(curve.values[0]).max() < ON_CURVE
+    (point,) = curve.specials
+    assert point.kind == "generalised Hopf" and np.abs(curve.values[0]).max() < ON_CURVE
     assert point.values["b"] == pytest.approx(0, abs=1e-8)
 
 
@@ -83,8 +83,8 @@ def test_a_fold_ends_where_it_comes_to_a_surface():
     system = System({x: sp.Piecewise((a - x**2, x > b), (5, True)), y: -y}, parameters={a: 0.5, b: -0.5})
     (regular,) = (e for e in equilibria(system, {x: (0.1, 3), y: (-1, 1)}) if e.kind == "regular")
     folds = follow(follow(regular, {a: -1}).of_kind("fold")[0], {a: (-1, 2), b: (-1, 1)})
-    (end,) = folds.points
-    assert end.name == "fold + boundary equilibrium" and end.begins == ("boundary equilibrium",)
+    (end,) = folds.specials
+    assert end.kind == "fold + boundary equilibrium" and end.begins == ("boundary equilibrium",)
     assert list(end.values.values()) == pytest.approx([0, 0], abs=1e-8) and folds.admissible.all()
     border = follow(end, {a: (-1, 2), b: (-1, 1)})
     assert np.abs(border.values[0] - border.values[1] ** 2).max() < ON_CURVE
@@ -108,7 +108,7 @@ def test_a_contact_opens_along_the_line_of_its_reaction():
     system = System({y: v, v: a - 2 * b - y - v / 5 + floor.reaction}, parameters={a: 0.5, b: 1})
     rest = find_equilibrium(system, {y: 0, v: 0})
     curve = follow(rest, {a: (0, 3), b: (0.5, 1.2)}, kind="boundary equilibrium")
-    assert len(curve.equilibria) > 5 and np.abs(curve.values[0] - 2 * curve.values[1]).max() < ON_CURVE
+    assert len(curve.points) > 5 and np.abs(curve.values[0] - 2 * curve.values[1]).max() < ON_CURVE
 
 
 def test_hopf_points_of_the_relief_valve_are_followed():
@@ -118,7 +118,7 @@ def test_hopf_points_of_the_relief_valve_are_followed():
     valve = System(
         {y1: y2, y2: -k * y2 - (y1 + 10) + y3, y3: 20 * (q - y1 * sp.sqrt(y3))}, parameters={q: 9, k: 1.25}
     )
-    (hopf,) = follow(find_equilibrium(valve, {y1: 2.5, y2: 0, y3: 12}), {q: 8}).bifurcations
+    (hopf,) = follow(find_equilibrium(valve, {y1: 2.5, y2: 0, y3: 12}), {q: 8}).specials
     curve = follow(hopf, {q: (3, 12), k: (0.8, 1.6)})
     at = [follow(hopf, {q: (3, 12), k: pair}) for pair in ((1.25, 1.6), (1.0, 1.25))]
     assert min(abs(c.values[0, j] - 8.491117635183327) for c in at for j in (0, -1)) < 1e-9

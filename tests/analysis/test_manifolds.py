@@ -231,7 +231,7 @@ def hammered():
     """Between fold and grazing: the quiet orbit, the one with an impact, and the saddle of the fold."""
     hit = find_orbit(hammer(0.18), {x: 0.5, v: 2}, seen=Strobe(PERIOD), transient=300)
     quiet = find_orbit(hammer(0.18), {x: -0.5, v: 0}, seen=Strobe(PERIOD))
-    return quiet, hit, follow(hit, {A: 0.1}).orbits[-1]
+    return quiet, hit, follow(hit, {A: 0.1}).points[-1]
 
 
 def test_the_saddle_of_an_impact_oscillator_has_the_basins_on_both_sides_of_its_stable_curve(hammered):

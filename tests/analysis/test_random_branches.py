@@ -81,8 +81,8 @@ def test_every_name_on_a_branch_is_that_of_an_independent_shooting(seed):
     low, high = 0.8 * case.touch, 4 * case.touch
     orbit = find_orbit(case.system.with_parameters({F: low}), {x: 0, v: 0}, seen=Strobe(2 * sp.pi, phase=0.1))
     branch = follow(orbit, {F: high}, steps=Steps(first=0.05))
-    for found in branch.bifurcations:
-        one = found.orbit
+    for found in branch.specials:
+        one = found.point
         image, D, highest = case.period(one.x, found.parameter, one.map.start_time)
         assert image == pytest.approx(one.x, abs=1e-7)
         mu = np.linalg.eigvals(D)
@@ -94,4 +94,4 @@ def test_every_name_on_a_branch_is_that_of_an_independent_shooting(seed):
         assert near.get(found.kind, 1.0) < 1e-3, str(found)
     (first,) = branch.of_kind("grazing")[:1]
     assert first.parameter == pytest.approx(case.touch, abs=1e-9)
-    assert len(branch.bifurcations) >= np.count_nonzero(np.diff(branch.stable.astype(int)))
+    assert len(branch.specials) >= np.count_nonzero(np.diff(branch.stable.astype(int)))

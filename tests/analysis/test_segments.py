@@ -122,8 +122,8 @@ def test_a_canard_is_followed_around_its_end():
     """
     orbit = find_orbit(hidden(), {y: 0.5, v: 0.3, z: 0}, FORCED, transient=30)
     branch = follow(orbit, {"sigma": 4})
-    assert branch.end == "reached sigma = 2.4." and [b.kind for b in branch.bifurcations] == ["fold"]
-    largest = max(branch.orbits, key=lambda one: abs(one.multipliers[0]))
+    assert branch.end == "reached sigma = 2.4." and [b.kind for b in branch.specials] == ["fold"]
+    largest = max(branch.points, key=lambda one: abs(one.multipliers[0]))
     assert abs(largest.multipliers[0]) > 1e6 and largest.segments.held
     # The other path of the package, over each segment.
     map_, nodes = replace(largest.map, options={"method": "rk"}), largest.segments.nodes
@@ -142,7 +142,7 @@ def test_rest_ends_in_a_fold_and_goes_over_to_slips_through_its_canard(drive):
         hidden(omega=drive, sigma=0.6), {y: 0, v: 0, z: 0.9}, seen=Strobe(2 * sp.pi / drive, symmetry=MIRROR)
     )
     branch = follow(orbit, {"sigma": 3})
-    first, second = branch.bifurcations[:2]
+    first, second = branch.specials[:2]
     assert branch.end == "reached sigma = 3." and (first.kind, second.kind) == ("fold", "adding-sliding")
     assert first.parameter == pytest.approx(rest_limit(0.1 * drive, 1.8, 1.95), abs=2e-8)
     assert first.parameter - 1e-7 < second.parameter < first.parameter
@@ -161,16 +161,16 @@ def test_a_multiplier_of_minus_one_keeps_its_digits_where_another_state_answers_
 def test_bifurcations_are_found_beside_a_multiplier_of_1e8():
     logistic = companion({x: 0 * x}, {x: a * x * (1 - x)}, parameters={a: 2.8})
     branch = follow(find_orbit(logistic, {x: 0.6, w: 0.03}, seen=Strobe(1, phase=0.5)), {a: 3.3})
-    (flip,) = branch.bifurcations
+    (flip,) = branch.specials
     assert flip.kind == "flip" and flip.parameter == pytest.approx(3, abs=1e-9)
-    assert abs(flip.orbit.multipliers[0]) == pytest.approx(math.exp(20), rel=1e-9)
+    assert abs(flip.point.multipliers[0]) == pytest.approx(math.exp(20), rel=1e-9)
     double = branch_off(flip, 0.02)
     assert double.success and double.map.count == 2
-    (second,) = follow(double, {a: 3.5}).bifurcations
+    (second,) = follow(double, {a: 3.5}).specials
     assert second.kind == "flip" and second.parameter == pytest.approx(1 + math.sqrt(6), abs=1e-9)
     # And back: it ends where it began.
     back = follow(double, {a: 2.9})
-    assert "shrink onto one of 1" in back.end and back.bifurcations[-1].parameter == pytest.approx(3, abs=1e-9)
+    assert "shrink onto one of 1" in back.end and back.specials[-1].parameter == pytest.approx(3, abs=1e-9)
 
 
 def test_the_symmetry_breaks_beside_a_multiplier_of_1e54_as_without_it():
@@ -194,7 +194,7 @@ def test_the_symmetry_breaks_beside_a_multiplier_of_1e54_as_without_it():
 def test_any_orbit_of_a_branch_is_followed_over_another_parameter():
     saddle = System({x: u, u: k**2 * x + a * sp.cos(t)}, time=t, parameters={k: 1, a: 1})
     branch = follow(find_orbit(saddle, {x: -0.5, u: 0}, FORCED), {k: 5})
-    middle = branch.orbits[len(branch.orbits) // 2]
+    middle = branch.points[len(branch.points) // 2]
     onward = follow(middle, {a: 3})
     rate = middle.system.parameters[k]
     assert onward.end == "reached a = 3." and rate not in (1, 5)
@@ -206,9 +206,9 @@ def test_a_cycle_of_an_autonomous_system_is_followed_on_its_section():
     square = x**2 + u**2 - 1
     system = System({x: k * x * square - u, u: k * u * square + x}, parameters={k: 0.2})
     branch = follow(find_orbit(system, {x: 1.0, u: 0}, seen=Return(u)), {k: 4})
-    assert branch.end == "reached k = 4." and len(branch.orbits[-1].segments) > 3
+    assert branch.end == "reached k = 4." and len(branch.points[-1].segments) > 3
     exact = np.exp(4 * math.pi * branch.values)
-    assert [one.multipliers[0].real for one in branch.orbits] == pytest.approx(exact, rel=1e-9)
+    assert [one.multipliers[0].real for one in branch.points] == pytest.approx(exact, rel=1e-9)
 
 
 @pytest.mark.thorough
@@ -224,7 +224,7 @@ def test_turns_of_a_pendulum_are_the_same_however_many_it_has_made():
     assert other.x[0] - 200 * math.pi == pytest.approx(one.x[0], abs=TOLERANCE * 200 * math.pi)
     # exp(-period/10), the determinant, is the product of both.
     for branch, slack in ((one, 1e-9), (other, 1e-7)):
-        products = [np.prod(found.multipliers).real for found in branch.orbits]
+        products = [np.prod(found.multipliers).real for found in branch.points]
         assert products == pytest.approx([math.exp(-2 * math.pi / 10)] * len(products), rel=slack)
 
 

@@ -25,12 +25,12 @@ def test_a_peak_with_a_corner_that_comes_to_a_surface_is_a_corner_and_no_fold(st
     system = System({x: -x + sp.sign(sp.sin(t)) + sp.sign(x - a) / 4}, time=t, parameters={a: 0.6})
     orbit = find_orbit(system, {x: 0}, seen=Strobe(2 * sp.pi, phase=0.25), transient=20)
     branch = follow(orbit, {a: 0.8}, steps=Steps(first=step, longest=5 * step))
-    (corner,) = branch.bifurcations
+    (corner,) = branch.specials
     assert corner.kind == "corner" and corner.parameter == pytest.approx(
         math.tanh(math.pi / 2) - 0.25, abs=LOCATED
     )
     assert branch.values[-1] == 0.8
-    assert branch.orbits[-1].multipliers == pytest.approx([math.exp(-2 * math.pi)], rel=1e-8)
+    assert branch.points[-1].multipliers == pytest.approx([math.exp(-2 * math.pi)], rel=1e-8)
 
 
 LEFT, RIGHT = np.array([[0.5, 1], [-0.3, 0]]), np.array([[-1.6, 1], [-0.4, 0]])
@@ -45,13 +45,13 @@ def test_multipliers_that_jump_at_a_border_are_no_flip(way):
     })  # fmt: skip
     form = System({x: 0 * x, y: 0 * y}, time=t, parameters={mu: 0.3 * way}, events=[step])
     branch = follow(find_orbit(form, {x: 0.1 * way, y: 0}, seen=Strobe(1, phase=0.5)), {mu: -0.3 * way})
-    (border,) = branch.bifurcations
+    (border,) = branch.specials
     assert (
         border.kind == "border collision"
         and abs(border.parameter) < LOCATED
         and branch.values[-1] == -0.3 * way
     )
-    for orbit, matrix in zip((border.orbit, border.beyond), (RIGHT, LEFT)[::way]):
+    for orbit, matrix in zip((border.point, border.beyond), (RIGHT, LEFT)[::way]):
         assert np.sort_complex(orbit.multipliers) == pytest.approx(
             np.sort_complex(np.linalg.eigvals(matrix)), abs=1e-9
         )
@@ -110,9 +110,9 @@ def test_a_branch_is_left_at_a_flip_by_an_orbit_just_beyond_it():
 def test_a_cycle_that_ends_at_a_saddle_is_a_homoclinic_orbit():
     # x'' = x - x^2 + v (x - a)/50: by Melnikov's integral at a = 6/7 to the first order in 1/50, the saddle being 0.
     loop = System({x: v, v: x - x**2 + (x - a) * v / 50}, parameters={a: 1.1})
-    (hopf,) = follow(find_equilibrium(loop, {x: 1, v: 0}), {a: 0.9}).bifurcations
+    (hopf,) = follow(find_equilibrium(loop, {x: 1, v: 0}), {a: 0.9}).specials
     branch = follow(cycle_from(hopf, 0.05), {a: (0, 1.5)}, way=-1, steps=Steps(first=0.05))
-    (end,) = branch.bifurcations
+    (end,) = branch.specials
     assert end.kind == "homoclinic orbit" and end.parameter == pytest.approx(6 / 7, abs=1 / 50**2)
     assert end.saddles[0].x == pytest.approx([0, 0], abs=LOCATED) and "saddle at x = 0" in branch.end
 
@@ -136,8 +136,8 @@ def test_a_section_may_move_with_the_parameter():
     ends = []
     for section in (x - sp.Rational(1, 5), x - p):
         branch = follow(find_orbit(vdp, {x: 0.2, v: 2}, seen=Return(section), transient=30), {p: 0.9})
-        ends.append(branch.orbits[-1].period)
-        assert branch.values[-1] == 0.9 and len(branch.orbits) < 30
+        ends.append(branch.points[-1].period)
+        assert branch.values[-1] == 0.9 and len(branch.points) < 30
     assert ends[0] == pytest.approx(ends[1], abs=1e-9)
 
 

@@ -32,18 +32,18 @@ def at(unit, **start):
 @UNITS
 def test_flips_and_the_branches_that_begin_there(unit):
     branch = follow(at(unit, x=0.6), {a: 1.3})
-    (flip,) = branch.bifurcations
+    (flip,) = branch.specials
     assert flip.kind == "flip" and flip.parameter == pytest.approx(0.75, abs=LOCATED)
     doubled = branch_off(flip, 0.01 * unit)
     assert doubled.success and doubled.system.parameters[a] - 0.75 == pytest.approx(5.6828e-05, rel=1e-3)
-    (second,) = follow(doubled, {a: 1.3}).bifurcations
+    (second,) = follow(doubled, {a: 1.3}).specials
     assert second.kind == "flip" and second.parameter == pytest.approx(1.25, abs=LOCATED)
 
 
 @UNITS
 def test_a_curve_of_flips(unit):
     # x = 1 - a x^2 + b x with the slope -1: 4 a = (1 + b) (3 - b)/... at b = 0 a = 3/4
-    curve = follow(follow(at(unit, x=0.6), {a: 1}).bifurcations[0], {a: (0.1, 2), b: (-0.5, 0.5)})
+    curve = follow(follow(at(unit, x=0.6), {a: 1}).specials[0], {a: (0.1, 2), b: (-0.5, 0.5)})
     p, q = curve.values
     assert len(p) > 10 and np.abs(4 * p - (1 + q) * (3 - q)).max() < 1e-8
     assert set(curve.ends) == {"reached b = -0.5.", "reached b = 0.5."}
@@ -53,11 +53,11 @@ def test_a_curve_of_flips(unit):
 def test_a_cycle_from_a_hopf_point(unit):
     r2 = (x**2 + v**2) / U**2
     ring = System({x: a * x - v - x * r2, v: x + a * v - v * r2}, parameters={a: -0.5, U: unit})
-    (hopf,) = follow(find_equilibrium(ring, {x: 0.01 * unit, v: 0}), {a: 0.5}).bifurcations
+    (hopf,) = follow(find_equilibrium(ring, {x: 0.01 * unit, v: 0}), {a: 0.5}).specials
     cycle = cycle_from(hopf, 0.1 * unit)
     assert cycle.success and cycle.system.parameters[a] == pytest.approx(0.005, abs=1e-9)
     branch = follow(cycle, {a: 0.5})
-    assert branch.end == "reached a = 0.5." and branch.bifurcations == [] and len(branch.orbits) < 20
+    assert branch.end == "reached a = 0.5." and branch.specials == [] and len(branch.points) < 20
     assert abs(branch.x[0, -1]) == pytest.approx(unit * 0.5**0.5, rel=1e-9)
 
 
@@ -65,12 +65,12 @@ def test_a_cycle_from_a_hopf_point(unit):
 def test_folds_and_the_cusp_of_equilibria(unit):
     cubic = System({x: U * (a + b * (x / U) - (x / U) ** 3)}, parameters={a: 1, b: 1, U: unit})
     branch = follow(find_equilibrium(cubic, {x: 1.3 * unit}), {a: -1})
-    assert [f.kind for f in branch.bifurcations] == ["fold", "fold"]
-    assert sorted(f.parameter for f in branch.bifurcations) == pytest.approx(
+    assert [f.kind for f in branch.specials] == ["fold", "fold"]
+    assert sorted(f.parameter for f in branch.specials) == pytest.approx(
         [-((4 / 27) ** 0.5), (4 / 27) ** 0.5], abs=LOCATED
     )
-    curve = follow(branch.bifurcations[0], {a: (-1, 1), b: (-1, 1)})
-    assert [point.name for point in curve.points] == ["cusp"] and np.abs(
+    curve = follow(branch.specials[0], {a: (-1, 1), b: (-1, 1)})
+    assert [point.kind for point in curve.specials] == ["cusp"] and np.abs(
         27 * curve.values[0] ** 2 - 4 * curve.values[1] ** 3
     ).max() < 1e-8
 

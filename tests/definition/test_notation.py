@@ -155,7 +155,7 @@ def test_a_ramp_of_mod_has_the_flip_of_its_linear_maps():
         {v: i / C - v / (R * C), i: -v / L + E / L * sp.Heaviside(ramp - A * (v - reference))},
         time=t, parameters={T: period, E: 24},
     )  # fmt: skip
-    (flip,) = follow(find_orbit(buck, {v: 12, i: 0.5}, seen=Strobe(T), transient=200), {"E": 25}).bifurcations
+    (flip,) = follow(find_orbit(buck, {v: 12, i: 0.5}, seen=Strobe(T), transient=200), {"E": 25}).specials
     M = np.array([[-1 / (R * C), 1 / C], [-1 / L, 0]])
 
     def lowest(voltage):

@@ -52,8 +52,8 @@ def test_one_parameter_makes_a_diagram_with_its_store_and_picture(study, tmp_pat
     system = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
     found = diagram(system, {a: (-0.5, 0.5)}, {x: 0.1}, Strobe(1, phase=0.5), values=5)
     stored = read_diagram(tmp_path / "study.zarr")
-    assert found.bifurcations
-    assert [b.parameter for b in stored.bifurcations] == [b.parameter for b in found.bifurcations]
+    assert found.specials
+    assert [b.parameter for b in stored.specials] == [b.parameter for b in found.specials]
 
 
 def test_two_parameters_make_a_bifurcation_set(study, tmp_path):
@@ -81,7 +81,7 @@ def test_a_registered_system_needs_no_code(study, tmp_path):
     fold = System({x: a - x**2}, parameters={a: 1})
     study.write_text("box = { x = [-2, 2] }\n[system]\nobject = 'fold'\n[over]\na = [-0.5, 1]\n")
     found, _ = run_study(study, tmp_path, workers=1, names={"fold": fold})
-    assert [b.kind for b in found.bifurcations] == ["fold"]
+    assert [b.kind for b in found.specials] == ["fold"]
 
 
 @pytest.mark.parametrize(

@@ -17,8 +17,8 @@ import sympy as sp
 import xarray
 from friction_oscillator import hidden, omega, sigma, v, y, z
 
-from pwsmooth import Event, Return, Strobe, System, diagram, find_equilibrium, find_orbit
-from pwsmooth.analysis.continuation import Steps
+from pwsmooth import Event, Return, Strobe, System, diagram, find_equilibrium, find_orbit, follow
+from pwsmooth.analysis.continuation import Steps, branch_off
 from pwsmooth.diagrams import read_diagram
 from pwsmooth.studies import Work
 
@@ -41,7 +41,7 @@ STROBED = Strobe(1, phase=0.5)
 
 
 def of(found, kind):
-    return [b.parameter for b in found.bifurcations if b.kind == kind]
+    return [b.parameter for b in found.specials if b.kind == kind]
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +98,7 @@ def test_an_isle_closes():
     isle = mapped({x: x + (sp.Rational(1, 4) - a**2 - x**2) / 2}, a=0)  # fixed points on a circle
     found = diagram(isle, {a: (-1, 1)}, {x: 0.1}, seen=STROBED, values=21)
     (branch,) = found.branches
-    assert branch.about["ends"] == ["it closes."]
+    assert branch.ends == ("it closes.",)
     assert of(found, "fold") == pytest.approx([-0.5, 0.5], abs=CLOSE)
     assert np.allclose(found.gaps, [(-1, -0.5), (0.5, 1)], rtol=0, atol=CLOSE)
 
@@ -107,9 +107,9 @@ def test_both_halves_of_a_pitchfork_are_one_branch():
     pitchfork = mapped({x: x + a * x - x**3}, a=-0.2)
     found = diagram(pitchfork, {a: (-0.5, 0.5)}, {x: 0.1}, seen=STROBED, values=6)
     stem, fork = found.branches
-    assert [b.kind for b in found.bifurcations] == ["branch point"]
+    assert [b.kind for b in found.specials] == ["branch point"]
     at = fork.arrays["points"][:, 0, 0]
-    assert np.abs(at * (fork.q - at**2)).max() < 2e-11  # of P(x) - x
+    assert np.abs(at * (fork.values - at**2)).max() < 2e-11  # of P(x) - x
     assert np.ptp(np.sign(at)) == 2 and not np.any(np.abs(stem.arrays["points"]) > 1e-11)
 
 
@@ -118,17 +118,18 @@ def test_a_skew_tent_s_fixed_point_crosses_its_border_where_a_period_of_two_begi
     tent = mapped({x: sp.Piecewise((x / 2 + a, x < 0), (-3 * x / 2 + a, True))}, a=-0.5)
     found = diagram(tent, {a: (-0.5, 0.5)}, {x: 0.1}, seen=STROBED, values=10)
     single, double = found.branches
-    assert single.q.max() == pytest.approx(0.5) and double.q.min() == pytest.approx(0, abs=1e-8)
-    (border,) = found.bifurcations
+    assert single.values.max() == pytest.approx(0.5) and double.values.min() == pytest.approx(0, abs=1e-8)
+    (border,) = found.specials
     assert border.kind == "border collision" and abs(border.parameter) < CLOSE
     assert (
         np.abs(
-            single.arrays["points"][:, 0, 0] - np.minimum(2 * single.q, 0.4 * single.q * (single.q > 0))
+            single.arrays["points"][:, 0, 0]
+            - np.minimum(2 * single.values, 0.4 * single.values * (single.values > 0))
         ).max()
         < CLOSE
     )
     low = double.arrays["points"][:, :, 0].min(axis=1)
-    assert np.abs(low + 2 / 7 * double.q).max() < CLOSE  # a - 3/2 (a + x/2) = x
+    assert np.abs(low + 2 / 7 * double.values).max() < CLOSE  # a - 3/2 (a + x/2) = x
     assert found.unexplained.size == 0
 
 
@@ -162,9 +163,9 @@ def test_the_cycle_that_is_born_at_a_boundary_equilibrium_is_followed():
     found = diagram(focus, {a: (-0.1, 0.5)}, box={x: (-3, 3), u: (-3, 3)}, steps=Steps(longest=0.1))
     assert found.gaps == [(-0.1, pytest.approx(0, abs=1e-9))] and len(found.branches) == 2
     cycle = found.branches[1]
-    assert cycle.q.min() == pytest.approx(0, abs=1e-9) and cycle.q.max() == pytest.approx(0.5)
-    far = cycle.q > 0.01
-    ratio = cycle.arrays["points"][far, 0, 0] / cycle.q[far]
+    assert cycle.values.min() == pytest.approx(0, abs=1e-9) and cycle.values.max() == pytest.approx(0.5)
+    far = cycle.values > 0.01
+    ratio = cycle.arrays["points"][far, 0, 0] / cycle.values[far]
     assert np.ptp(ratio) < 1e-8 * abs(ratio[0])
 
 
@@ -173,9 +174,17 @@ def test_folds_of_equilibria_have_curves(tmp_path):
     found = diagram(cusp, {a: (-1, 1), b: (-1, 1.5)}, box={x: (-3, 3)}, lines={b: [1.0]})
     (curve,) = found.curves
     p, q = curve.values
-    assert np.abs(27 * p**2 - 4 * q**3).max() < CLOSE and [point.name for point in found.points] == ["cusp"]
+    assert np.abs(27 * p**2 - 4 * q**3).max() < CLOSE and [point.kind for point in found.specials] == ["cusp"]
     found.save(tmp_path / "set.zarr")
-    assert [curve.kind for curve in read_diagram(tmp_path / "set.zarr").curves] == ["fold"]
+    with pytest.raises(ValueError, match="a cusp of a set of curves, without its orbit"):
+        follow(found.specials[0], {a: (-1, 1), b: (-1, 1.5)})
+    stored = read_diagram(tmp_path / "set.zarr")
+    assert [curve.kind for curve in stored.curves] == ["fold"] and stored.specials == found.specials
+    data = stored.to_dataset()
+    assert data.equals(found.to_dataset()) and np.array_equal([data.a, data.b], curve.values)
+    assert data.special_kind.values.tolist() == ["cusp"] and np.array_equal(
+        data.x[:, 0], curve.arrays["points"][:, 0, 0]
+    )
 
 
 def test_a_hopf_point_leads_to_its_cycle():
@@ -183,9 +192,9 @@ def test_a_hopf_point_leads_to_its_cycle():
     ring = System({x: a * x - u - x * r2, u: x + a * u - u * r2}, parameters={a: -0.5})
     found = diagram(ring, {a: (-0.5, 0.5)}, box={x: (-1, 1), u: (-1, 1)})
     rest, cycle = found.branches
-    assert rest.equilibria and [b.kind for b in found.bifurcations] == ["Hopf"] and found.gaps == []
+    assert rest.of_equilibria and [b.kind for b in found.specials] == ["Hopf"] and found.gaps == []
     radius = (cycle.arrays["points"][:, 0] ** 2).sum(axis=1)
-    assert np.abs(radius - cycle.q)[cycle.q > 1e-3].max() < CLOSE
+    assert np.abs(radius - cycle.values)[cycle.values > 1e-3].max() < CLOSE
 
 
 def test_trajectories_that_come_to_rest_are_explained_by_an_equilibrium():
@@ -224,11 +233,11 @@ def test_a_block_at_rest_is_in_a_set_of_orbits_and_that_attracts(block):
 
 def test_a_sharp_corner_of_a_branch_is_turned_around(block):
     """At a crossing-sliding the stable branch of asymmetric orbits meets an unstable one of nearly its direction."""
-    (corner,) = [b for b in block.bifurcations if b.kind == "crossing-sliding" and b.parameter < 3.5]
-    broken = next(b.parameter for b in block.bifurcations if b.kind == "symmetry breaking")
+    (corner,) = [b for b in block.specials if b.kind == "crossing-sliding" and b.parameter < 3.5]
+    broken = next(b.parameter for b in block.specials if b.kind == "symmetry breaking")
     branch = block.branches[1]
-    assert branch.q.min() == pytest.approx(corner.parameter, abs=1e-8) and corner.parameter < broken
-    assert all("mirror image" in end for end in branch.about["ends"])
+    assert branch.values.min() == pytest.approx(corner.parameter, abs=1e-8) and corner.parameter < broken
+    assert all("mirror image" in end for end in branch.ends)
 
 
 # ---- two parameters
@@ -285,8 +294,26 @@ def test_a_diagram_is_the_same_from_its_store_and_from_what_was_saved(tmp_path, 
     found = read_diagram(tmp_path / "saved.zarr")
     same(found, cascade)
     assert str(found) == str(cascade) and found.gaps == cascade.gaps
-    with pytest.raises(ValueError, match="no system"):
-        found.bifurcation(found.bifurcations[0])
+    for tool in (branch_off, lambda flip: follow(flip, {a: (1, 5), "b": (-1, 1)})):
+        with pytest.raises(ValueError, match="was (not )?read"):
+            tool(found.specials[0])
+
+
+def test_a_diagram_says_what_it_is_doing(capsys):
+    diagram(LOGISTIC, {a: (2.9, 3.2)}, {x: 0.3}, STROBED, values=2, work=Work(progress=True))
+    said = capsys.readouterr().err
+    assert "the orbit diagram over a: 2 values" in said and "branch 2 over a, from flip at a = 3\n" in said
+    diagram(LOGISTIC, {a: (2.9, 3.2)}, {x: 0.3}, STROBED, values=2, work=Work(progress=False))
+    assert capsys.readouterr().err == ""
+
+
+def test_what_a_diagram_finds_leads_on_like_what_a_branch_finds():
+    quadratic = mapped({x: a - x**2 + b * x}, a=0.5, b=0.0)
+    found = diagram(quadratic, {a: (-1, 1)}, {x: 0.1}, STROBED, values=6)
+    (flip,) = (special for special in found.specials if special.kind == "flip")
+    p, q = follow(flip, {a: (-1, 2), b: (-1, 1)}).values
+    assert np.abs(4 * p - (1 + q) * (3 - q)).max() < CLOSE
+    assert branch_off(flip, 0.02).map.count == 2
 
 
 def test_data_go_through_xarray_and_zarr(tmp_path, cascade):
@@ -294,7 +321,7 @@ def test_data_go_through_xarray_and_zarr(tmp_path, cascade):
     data.to_zarr(tmp_path / "data.zarr", consolidated=False)
     with xarray.open_zarr(tmp_path / "data.zarr", consolidated=False) as opened:
         assert opened.load().equals(data)
-    assert data.bifurcation_parameter.values[0] == pytest.approx(3, abs=CLOSE)
+    assert data.special_parameter.values[0] == pytest.approx(3, abs=CLOSE)
 
 
 def test_two_processes_give_what_one_gives():
@@ -328,7 +355,7 @@ def test_what_is_in_the_store_is_not_computed_again(tmp_path, monkeypatch):
 def test_a_damaged_item_is_computed_again(tmp_path):
     call = dict(x0={x: 0.3}, seen=STROBED, values=3, work=Work(store=tmp_path / "d.zarr"))
     first = diagram(LOGISTIC, {a: (2.8, 3.2)}, **call)
-    item = sorted((tmp_path / "d.zarr" / "items").glob("*/parameter/c/0"))[0]
+    item = sorted((tmp_path / "d.zarr" / "items").glob("*/values/c/0"))[0]
     item.write_bytes(b"nothing")
     with pytest.warns(UserWarning, match="damaged"):
         again = diagram(LOGISTIC, {a: (2.8, 3.2)}, **call)

@@ -142,7 +142,7 @@ def test_the_gears_lose_contact_where_the_linear_amplitude_says_and_move_as_dop8
     np.testing.assert_allclose(grazings, gears["exact"], rtol=0, atol=1e-8)
     assert len(gears["branch"].of_kind("fold")) == 2
     # Orbits that lose contact, stable and unstable, return after a period of SciPy's as well.
-    loose = [o for o in gears["branch"].orbits if len(o.word) == 2][::5]
+    loose = [o for o in gears["branch"].points if len(o.word) == 2][::5]
     assert {o.stable for o in loose} == {True, False}
     for orbit in loose:
         omega = 2 * np.pi / orbit.period
@@ -178,7 +178,7 @@ def test_the_drill_string_sticks_and_slips_up_to_where_a_slip_of_dop853_just_tou
     assert abs(drill["highest"] - exact) < 1e-5
     assert drill["branch"].of_kind("grazing-sliding")
     # The unstable branch leads to the Hopf point, as a square root does.
-    last = drill["branch"].orbits[-1]
+    last = drill["branch"].points[-1]
     assert drill["size"][-1] < 0.5 and abs(last.system.parameter_values[-1] - drill["hopf"]) < 0.02
 
 

@@ -59,8 +59,7 @@ NO_DOORS = (
 
 # Made by the package, or bases to derive from: their arguments come from inside, or are any names.
 INSIDE = {
-    "pwsmooth.diagrams.BifurcationSet", "pwsmooth.diagrams.Diagram", "pwsmooth.diagrams.Found",
-    "pwsmooth.diagrams.Meeting",
+    "pwsmooth.diagrams.BifurcationSet", "pwsmooth.diagrams.Diagram",
     "pwsmooth.Solution", "pwsmooth.results.records.EventLog",
     "pwsmooth.fitting.Combination", "pwsmooth.fitting.Comparison", "pwsmooth.fitting.Fit",
     "pwsmooth.fitting.Identifiability",

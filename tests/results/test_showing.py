@@ -51,7 +51,7 @@ def test_what_is_long_is_shown_in_a_few_lines(branch, found, diagram):
     long = many()
     exponents = lyapunov_exponents(TWO_WELLS, {x: 1, v: 0}, 20, count=2)
     shown = [
-        long, long.system, long.events, long.segments, branch, branch.orbits[0], found, diagram, exponents,
+        long, long.system, long.events, long.segments, branch, branch.points[0], found, diagram, exponents,
         free_impact(Hertz()),
     ]  # fmt: skip
     assert len(long.events) > 100 and len(long.states) == 200

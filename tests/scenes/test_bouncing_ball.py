@@ -143,13 +143,13 @@ def test_an_orbit_that_rests_forgets_all(chattering):
 
 def test_a_branch_of_complete_chatter_begins_at_the_lift_off_and_has_nothing_else_on_it(chattering):
     branch = follow(chattering, {G: 0.9})
-    (found,) = branch.bifurcations  # the number of bounces that a run passes is no change
+    (found,) = branch.specials  # the number of bounces that a run passes is no change
     assert found.kind == "lift-off"
     assert abs(found.parameter - 1) < found.uncertainty < 1e-7  # flights are as high as (Gamma - 1)^2
 
 
 def test_complete_chatter_ends_where_that_of_the_closed_form_does(chattering):
-    found = follow(chattering, {G: 1.62}).bifurcations[0]
+    found = follow(chattering, {G: 1.62}).specials[0]
     assert found.kind == "end of complete chatter"
     low, high = 1.59, 1.60
     while high - low > 1e-11:
@@ -161,14 +161,14 @@ def test_complete_chatter_ends_where_that_of_the_closed_form_does(chattering):
 def test_beyond_it_the_ball_bounces_for_ever(chattering):
     branch = follow(chattering, {G: 1.62})
     beyond = [
-        orbit for orbit in branch.orbits if orbit.system.parameters[G] > branch.bifurcations[0].parameter + 1e-6
+        orbit for orbit in branch.points if orbit.system.parameters[G] > branch.specials[0].parameter + 1e-6
     ]
     assert beyond and all({kind for _, kind, _ in orbit.word} == {"impact"} for orbit in beyond)
 
 
 @pytest.mark.thorough
 def test_the_end_of_complete_chatter_is_followed_over_the_restitution(chattering):
-    end = follow(chattering, {G: 1.6}).bifurcations[0]
+    end = follow(chattering, {G: 1.6}).specials[0]
     curve = follow(end, {G: (1.02, 2.6), e: (0.1, 0.9)})
     assert curve.ends == ("reached e = 0.9.", "reached e = 0.1.")
     # Bounces by roots of the gap: they accumulate on one side, and come to no end on the other.

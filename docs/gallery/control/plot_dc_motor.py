@@ -42,7 +42,7 @@ motor = System(
 # UR\,\frac{1 - 2a + c}{1 - c}` with :math:`a = e^{-dTR/L}`, :math:`c = e^{-TR/L}`.
 locked = find_orbit(motor, {i: 0, w: 0}, seen=Strobe(T, phase=0.3), transient=20)
 branch = follow(locked, {d: 0.6})
-loose = branch.bifurcations[0]
+loose = branch.specials[0]
 
 
 def peak(d):

@@ -53,7 +53,7 @@ fig, (left, right) = plt.subplots(1, 2, figsize=(7.5, 3.2))
 run = orbit.solution()
 run.plot(["x1"], [left])
 left.set(xlabel="t", ylabel="output y", title="Two swings, two slides")
-periods = np.array([o.period for o in branch.orbits])
+periods = np.array([o.period for o in branch.points])
 right.plot(branch.values, periods, ":", color="#D55E00", label="unstable")
 right.plot(
     branch.values,

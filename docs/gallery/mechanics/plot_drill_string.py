@@ -58,7 +58,7 @@ print(f"stick-slip is possible up to Omega = {highest:.5f} rad/s")
 # %%
 # Between the two a jolt decides. A slip that SciPy's DOP853 integrates from the end of a stick, and that
 # just touches rest, gives the same upper speed: the page's test.
-size = [np.ptp(o.solution().sample(300)["omega"]) / 2 for o in branch.orbits]
+size = [np.ptp(o.solution().sample(300)["omega"]) / 2 for o in branch.points]
 fig, (left, right) = plt.subplots(1, 2, figsize=(7.5, 3.2))
 sol.plot(["omega"], [left])
 left.set(xlabel="t (s)", ylabel="speed of the bit (rad/s)", xlim=(0, 60))

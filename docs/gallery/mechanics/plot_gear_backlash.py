@@ -40,7 +40,7 @@ orbit = find_orbit(
     transient=100,
 )
 branch = follow(orbit, {omega: 0.4})
-for found in branch.bifurcations:
+for found in branch.specials:
     print(f"omega = {found.parameter:.8f}: {found.kind}")
 
 # %%
@@ -59,7 +59,7 @@ def size(orbit):
     return np.ptp(orbit.solution().sample(400)["x"]) / 2
 
 
-sizes = np.array([size(orbit) for orbit in branch.orbits])
+sizes = np.array([size(orbit) for orbit in branch.points])
 fig, ax = plt.subplots(figsize=(7, 3.4))
 ax.plot(branch.values, sizes, ":", color="#D55E00", label="unstable")
 ax.plot(

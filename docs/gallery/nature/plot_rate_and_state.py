@@ -47,7 +47,7 @@ omega = np.sqrt(k_c * V / L / (m * V / L + a / V))
 found = {}
 for name, slider in sliders.items():
     steady = find_equilibrium(slider, {u: mu_0 / 0.02, v: V, theta: L / V})
-    (found[name],) = follow(steady, {k: 0.004}).bifurcations
+    (found[name],) = follow(steady, {k: 0.004}).specials
     print(f"{name}: {found[name].kind} at k = {found[name].parameter:.12f}")
 print(f"by hand at k = {k_c:.12f}, with frequency {omega:.9f}")
 

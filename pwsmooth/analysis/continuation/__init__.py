@@ -3,16 +3,11 @@
 from ... import on_first_use
 
 _HOME = {
-    "Bifurcation": "branches",
-    "Branch": "branches",
-    "Codimension2": "two_parameters",
-    "Curve": "two_parameters",
-    "EquilibriumBifurcation": "equilibria.branch",
-    "EquilibriumBranch": "equilibria.branch",
-    "EquilibriumCurve": "equilibria.curves",
+    "Branch": "branch",
+    "Special": "special",
+    "Steps": "steps",
     "branch_off": "branches",
     "cycle_from": "equilibria.hopf",
-    "Steps": "steps",
     "follow": "following",
 }
 

@@ -4,33 +4,29 @@ Fold, flip, symmetry breaking, branch point and torus are zeros of test function
 tau_q, det(DP + 1), the same for the half-period map, det(DP - 1), and the product of mu_i mu_j - 1. A change of
 itinerary is enclosed by bisection; itineraries.py says what it is, jumps.py where the map jumps.
 
-Chain: arclength.py, itineraries.py, jumps.py, naming.py -> **bifurcations** -> continuation.py.
+Chain: orbit_problem.py, itineraries.py, jumps.py, naming.py -> **bifurcations** -> branches.py.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
 
-from ...door.documenting import complete
-from ..equilibria.equilibrium import Equilibrium
 from ..orbits.finding import refined_to
 from ..orbits.fixed_points import SAME
 from ..orbits.itineraries import JUMP, Change, change_between, same_itinerary
 from ..orbits.periodic_orbit import PeriodicOrbit
-from .arclength import Point, Walk, unit_along
 from .bracketing import zero_between
-from .conditions.captures import CAPTURE
 from .conditions.conditions import factors, pairs
-from .jumps import ADDING, jump_between
+from .jumps import jump_between
 from .naming import BORDER, BRACKET, TOUCHED, border_between, has_multiplier, touches, turn_named
+from .orbit_problem import OrbitPoint, OrbitProblem, unit_along
+from .special import Special
 
-__all__ = ["Bifurcation"]
-
-P = TypeVar("P", bound=Point)
+P = TypeVar("P", bound=OrbitPoint)
 
 _HALVINGS = 30  # of a step, in which a change of stability is enclosed that no test sees
 ON_CIRCLE = 1e-7  # from 1: multipliers that may lie on either side
@@ -41,127 +37,51 @@ _NEAR = 0.1  # to the unit circle: a multiplier that may be 1 or -1 but for roun
 _APART = (1e-6, 1e-8, 1e-10)
 
 
-@complete
-@dataclass(frozen=True)
-class Bifurcation:
-    """A point of a branch at which the orbit's stability or itinerary changes.
-
-    Attributes
-    ----------
-    kind : str
-        "fold", "flip", "symmetry breaking", "branch point", "torus", the name of a change of itinerary, "border
-        collision" where multipliers jump without an event, or "capture": of a layered view with a finite ratio, whose
-        contact is captured on one side of it and passes on the other; "homoclinic orbit" or "heteroclinic cycle" where
-        a branch of cycles ends at saddles.
-    name : str
-        The parameter's.
-    parameter : float, in the unit of the parameter
-        Its value.
-    uncertainty : float, in the unit of the parameter
-        Half width of the bracket.
-    orbit : PeriodicOrbit
-        At the bifurcation, on the side from which the branch comes.
-    change : Change or None
-        Which events change, for changes of itinerary.
-    beyond : PeriodicOrbit or None
-        The orbit on the other side of a change of itinerary.
-    saddles : tuple of Equilibrium
-        Of a homoclinic orbit or a heteroclinic cycle: those that it comes to.
-
-    Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the smooth ones; di Bernardo, Budd, Champneys,
-    Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for the others.
-
-    The logistic map's first period doubling, at 3:
-
-    >>> t, x, a = sp.symbols("t x a", real=True)
-    >>> logistic = System({x: 0 * x}, time=t, parameters={a: 2.8}, events=[Event(every=1, update={x: a * x * (1 - x)})])
-    >>> orbit = find_orbit(logistic, {x: 0.6}, seen=Strobe(1, phase=0.5))
-    >>> (flip,) = follow(orbit, {a: 3.3}).bifurcations
-    >>> print(flip.kind, f"{flip.parameter:.6f}")
-    flip 3.000000
-    """
-
-    kind: str
-    name: str
-    parameter: float
-    uncertainty: float
-    orbit: PeriodicOrbit
-    change: Change | None = None
-    beyond: PeriodicOrbit | None = None
-    saddles: tuple[Equilibrium, ...] = ()
-
-    @property
-    def at_saddles(self) -> str:
-        """Where the orbit comes to rest on its way, in words; empty where it does not."""
-        places = [", ".join(f"{name} = {x:.9g}" for name, x in e.x0.items()) for e in self.saddles]
-        return (
-            f"its period grows without bound beside the saddle at {' and that at '.join(places)}"
-            if places
-            else ""
-        )
-
-    @property
-    def jumps(self) -> bool:
-        """Whether the Poincare map jumps there, so that the branch ends."""
-        if self.kind != ADDING or self.beyond is None or self.change is None:
-            return self.kind in (CAPTURE, ADDING)
-        # What a fold of the layer lets go is gone; what only comes to the end of it slips and is back at once.
-        return not self.change.before and any("fold" in letter.kind for letter in self.change.after)
-
-    def __str__(self) -> str:
-        text = f"{self.kind} at {self.name} = {self.parameter:.10g} (+- {self.uncertainty:.1g})"
-        text += f"\n    {self.at_saddles}" if self.saddles else ""
-        if self.change is not None and self.beyond is not None:
-            sizes = [", ".join(f"{m:.4g}" for m in orbit.multipliers) for orbit in (self.orbit, self.beyond)]
-            text += f"\n    {self.change}\n    multipliers {sizes[0]} -> {sizes[1]}"
-        return text
-
-
-def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
+def bifurcations_between(problem: OrbitProblem, here: OrbitPoint, there: OrbitPoint) -> list[Special]:
     """All bifurcations on the way from one point of a branch to the next, located, named, in order.
 
     Test functions (Kuznetsov) are zeroed between points of one itinerary, and a change of itinerary is bisected.
     """
-    bifurcations: list[Bifurcation] = []
+    bifurcations: list[Special] = []
     for _ in range(8):
         if same_itinerary(here.orbit, there.orbit):
-            return bifurcations + _smooth_all(walk, here, there)
-        left, right, part = change_enclosed(walk, here, there)
-        if walk.late():
+            return bifurcations + _smooth_all(problem, here, there)
+        left, right, part = change_enclosed(problem, here, there)
+        if problem.late():
             return bifurcations
-        left, right, width = _cornered(walk, here, there, left, right, part)
+        left, right, width = _cornered(problem, here, there, left, right, part)
         for reach in _APART:
-            apart = _apart(walk, here, there, left, right, reach)
+            apart = _apart(problem, here, there, left, right, reach)
             change = change_between(*(p.orbit for p in apart))
             if change.name != JUMP:
                 break
         # So near to a grazing that the touch has no derivative, the orbits a little away have the multipliers.
         before, behind = (far if near.orbit.degenerate else near for near, far in zip((left, right), apart))
-        bifurcations += _smooth_all(walk, here, before)
+        bifurcations += _smooth_all(problem, here, before)
         if change.name == "lift-off":
             # The flight is as high as the square of the distance from it: lower than roundings it is none.
-            width = max(width, math.sqrt(np.finfo(float).eps) * (1 + abs(walk.value(left))))
+            width = max(width, math.sqrt(np.finfo(float).eps) * (1 + abs(problem.value(left))))
         if not of_no_effect(change, *(p.orbit for p in apart)):
-            if change.name == JUMP and (found := jump_between(walk, left, right)) is not None:
-                found = found._replace(change=found.change or change)
-                return [*bifurcations, Bifurcation(*found[:6], beyond=behind.orbit)]
+            if change.name == JUMP and (found := jump_between(problem, left, right)) is not None:
+                found = replace(found, change=found.change or change, beyond=behind.orbit)
+                return [*bifurcations, found]
             if change.name in TOUCHED and not touches(change, *(p.orbit for p in apart)):
                 change = replace(change, name="corner")
-            one = Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, behind.orbit)
+            one = Special(change.name, problem.values(left), left.orbit, width, behind.orbit, change=change)
             bifurcations = _with(bifurcations, one)
         here = behind
     return bifurcations
 
 
-def _with(found: list[Bifurcation], one: Bifurcation) -> list[Bifurcation]:
+def _with(found: list[Special], one: Special) -> list[Special]:
     """With another change of itinerary: as one with the change before, if no parameter lies between them."""
     last = found[-1] if found else None
     if last is not None and last.change is not None and last.beyond is not None and one.beyond is not None:
         width = last.uncertainty + one.uncertainty
         if abs(last.parameter - one.parameter) <= width:
-            both = change_between(last.orbit, one.beyond)
+            both = change_between(last.point, one.beyond)
             if both.name != JUMP:
-                if both.name in TOUCHED and not touches(both, last.orbit, one.beyond):
+                if both.name in TOUCHED and not touches(both, last.point, one.beyond):
                     both = replace(both, name="corner")
                 return [
                     *found[:-1],
@@ -180,15 +100,15 @@ def of_no_effect(change: Change, one: PeriodicOrbit, other: PeriodicOrbit) -> bo
 
 
 def collapse_between(
-    walk: Walk, here: Point, there: Point, bifurcations: list[Bifurcation]
-) -> tuple[int, list[Bifurcation]] | None:
+    problem: OrbitProblem, here: OrbitPoint, there: OrbitPoint, bifurcations: list[Special]
+) -> tuple[int, list[Special]] | None:
     """Where orbits of several applications of the map shrink onto one of fewer: how many, and what happens to that one.
 
     A doubled branch ends at the flip from which it comes. Its arc goes on, as it must: through a fold to the same
     orbits half a turn later, or on to the shorter orbit itself, run through twice. None where nothing of this is seen.
     """
-    for count in range(1, walk.map.count):
-        if walk.map.count % count == 0 and (near := _shrunk(walk, here, there, count)) is not None:
+    for count in range(1, problem.map.count):
+        if problem.map.count % count == 0 and (near := _shrunk(problem, here, there, count)) is not None:
             break
     else:
         return None
@@ -196,24 +116,26 @@ def collapse_between(
     orbit = refined_to(short.orbit, count, x)
     if not orbit.success:
         return count, []
-    single = Walk(orbit, walk.name, walk.scale, walk.unit)
+    single = OrbitProblem(orbit, problem.name, problem.scale, problem.unit)
     at = single.point(orbit, (there.u - here.u)[[*range(len(orbit.x)), -1]])
     # The shorter orbit lives on both sides of the collapse: from well behind it to well before.
-    q = [walk.value(p) for p in (here, there)]
+    q = [problem.value(p) for p in (here, there)]
     if short is here:
         turn = next((b.parameter for b in bifurcations if b.kind == "fold"), q[1])
         q = [turn + 2 * (max(q, key=lambda value: abs(value - turn)) - turn) * side for side in (1, -1)]
-    before, behind = (single.at_parameter(at, value) for value in q)
+    before, behind = (single.at(at, single.place, value / single.scale) for value in q)
     if before is None or behind is None:
         return count, []
     return count, bifurcations_between(single, before, behind)
 
 
-def _shrunk(walk: Walk, here: Point, there: Point, count: int) -> tuple[Point, np.ndarray] | None:
+def _shrunk(
+    problem: OrbitProblem, here: OrbitPoint, there: OrbitPoint, count: int
+) -> tuple[OrbitPoint, np.ndarray] | None:
     """Where the way to the next point leads onto or through an orbit of `count` applications, and a guess of it."""
-    steps = [(p.orbit.after(count) - p.orbit.x) / walk.unit for p in (here, there)]
+    steps = [(p.orbit.after(count) - p.orbit.x) / problem.unit for p in (here, there)]
     sizes = [np.linalg.norm(step) for step in steps]
-    if sizes[1] <= SAME * (1 + np.linalg.norm(there.orbit.x / walk.unit)):
+    if sizes[1] <= SAME * (1 + np.linalg.norm(there.orbit.x / problem.unit)):
         return there, there.orbit.x
     # Through it the branch comes to the same orbits, `count` applications later, and turns back.
     turns = steps[0] @ steps[1] < -0.5 * sizes[0] * sizes[1] and here.tangent[-1] * there.tangent[-1] < 0
@@ -222,7 +144,7 @@ def _shrunk(walk: Walk, here: Point, there: Point, count: int) -> tuple[Point, n
     return here, here.orbit.x + (there.orbit.x - here.orbit.x) * sizes[0] / (sizes[0] + sizes[1])
 
 
-def change_enclosed(walk: Walk, here: P, there: P) -> tuple[P, P, float]:
+def change_enclosed(problem: OrbitProblem, here: P, there: P) -> tuple[P, P, float]:
     """The first change of itinerary, enclosed between two points, and their distance as a part of the chord."""
     low, high, left, right = 0.0, 1.0, here, there
     length = np.linalg.norm(there.u - here.u)
@@ -230,7 +152,7 @@ def change_enclosed(walk: Walk, here: P, there: P) -> tuple[P, P, float]:
         middle = 0.5 * (low + high)
         if middle in (low, high):
             break
-        point: Any = walk.along(here, there, middle, left)
+        point: Any = problem.along(here, there, middle, left)
         if point is not None and same_itinerary(here.orbit, point.orbit):
             low, left = middle, point
         else:
@@ -240,21 +162,21 @@ def change_enclosed(walk: Walk, here: P, there: P) -> tuple[P, P, float]:
 
 
 def _cornered(
-    walk: Walk, here: Point, there: Point, left: Point, right: Point, part: float
-) -> tuple[Point, Point, float]:
+    problem: OrbitProblem, here: OrbitPoint, there: OrbitPoint, left: OrbitPoint, right: OrbitPoint, part: float
+) -> tuple[OrbitPoint, OrbitPoint, float]:
     """The points about a change, nearer where their gap tells of a corner; half the width of the bracket."""
     width = part * abs(there.u[-1] - here.u[-1])
     gap = float(np.linalg.norm(right.u - left.u))
     if gap > 1e3 * BRACKET * (1 + np.abs(here.u).max()):
         # At a corner both sides lead to it, each along its own tangent.
-        left = _last(walk, left, left.tangent, 4 * gap)
+        left = _last(problem, left, left.tangent, 4 * gap)
         back = right.tangent if right.tangent @ (left.u - right.u) > 0 else -right.tangent
-        right = _last(walk, right, back, 4 * gap)
+        right = _last(problem, right, back, 4 * gap)
         width += abs(right.u[-1] - left.u[-1])
-    return left, right, width * walk.scale
+    return left, right, width * problem.scale
 
 
-def _last(walk: Walk, point: Point, way: np.ndarray, length: float) -> Point:
+def _last(problem: OrbitProblem, point: OrbitPoint, way: np.ndarray, length: float) -> OrbitPoint:
     """The last point of the same itinerary on the way along a tangent."""
     first, low, high = point, 0.0, length
     while high - low > BRACKET * (1 + np.abs(point.u).max()):
@@ -262,7 +184,7 @@ def _last(walk: Walk, point: Point, way: np.ndarray, length: float) -> Point:
         if middle in (low, high):
             break
         guess = point.u + (middle - low) * way
-        further = walk.correct(guess, way, first.tangent)
+        further = problem.correct(guess, way, first.tangent)
         if further is not None and same_itinerary(first.orbit, further.orbit):
             low, point = middle, further
         else:
@@ -270,26 +192,33 @@ def _last(walk: Walk, point: Point, way: np.ndarray, length: float) -> Point:
     return point
 
 
-def _apart(walk: Walk, here: Point, there: Point, left: Point, right: Point, reach: float) -> list[Point]:
+def _apart(
+    problem: OrbitProblem,
+    here: OrbitPoint,
+    there: OrbitPoint,
+    left: OrbitPoint,
+    right: OrbitPoint,
+    reach: float,
+) -> list[OrbitPoint]:
     """Points of the two itineraries a little away from the change."""
     found = []
     for point, end in ((left, here), (right, there)):
         chord = end.u - point.u
         length = float(np.linalg.norm(chord))
         way = chord / length if length > 0 else point.tangent
-        further = walk.correct(point.u + min(reach, length) * way, way, end.tangent)
+        further = problem.correct(point.u + min(reach, length) * way, way, end.tangent)
         same = further is not None and same_itinerary(further.orbit, point.orbit)
         found.append(further if same and further is not None else point)
     return found
 
 
-def _smooth_all(walk: Walk, here: Point, there: Point, depth: int = 0) -> list[Bifurcation]:
+def _smooth_all(problem: OrbitProblem, here: OrbitPoint, there: OrbitPoint, depth: int = 0) -> list[Special]:
     """Bifurcations of stability between two points of one itinerary, by halves where the tests miss one.
 
     Two zeros of one test have no change of sign between them, and near a branch point Newton's method may fail: then
     more multipliers come to lie outside of the unit circle than what was found explains.
     """
-    found, earned = _smooth(walk, here, there)
+    found, earned = _smooth(problem, here, there)
     outside = [_outside(point.orbit) for point in (here, there)]
     if None in outside:
         explained = True
@@ -298,20 +227,20 @@ def _smooth_all(walk: Walk, here: Point, there: Point, depth: int = 0) -> list[B
         explained = off <= 0 and off % 2 == 0
     if earned and explained and here.tangent @ there.tangent > _SHARP:
         return found
-    if (border := border_between(walk, here, there)) is not None:
+    if (border := border_between(problem, here, there)) is not None:
         left, right = border
-        before, behind = (_smooth(walk, *ends)[0] for ends in ((here, left), (right, there)))
-        return [*before, _at_border(walk, left, right), *behind]
+        before, behind = (_smooth(problem, *ends)[0] for ends in ((here, left), (right, there)))
+        return [*before, _at_border(problem, left, right), *behind]
     if explained:
         return found
     # A chord's middle may be the branch point itself, where Newton's method fails.
-    parts = (walk.along(here, there, part, here) for part in (0.5, 0.4))
+    parts = (problem.along(here, there, part, here) for part in (0.5, 0.4))
     middle = next((point for point in parts if point is not None), None)
     if depth >= _HALVINGS or middle is None or not same_itinerary(here.orbit, middle.orbit):
-        return found or _unnamed(walk, here, there, here)
+        return found or _unnamed(problem, here, there, here)
     if _outside(middle.orbit) is None:
-        return found or _unnamed(walk, here, there, middle)
-    return _smooth_all(walk, here, middle, depth + 1) + _smooth_all(walk, middle, there, depth + 1)
+        return found or _unnamed(problem, here, there, middle)
+    return _smooth_all(problem, here, middle, depth + 1) + _smooth_all(problem, middle, there, depth + 1)
 
 
 def _outside(orbit: PeriodicOrbit) -> int | None:
@@ -323,13 +252,13 @@ def _outside(orbit: PeriodicOrbit) -> int | None:
     return int(np.sum(sizes > 1))
 
 
-def undecided(here: Point, there: Point, kind: str) -> bool:
+def undecided(here: OrbitPoint, there: OrbitPoint, kind: str) -> bool:
     """Whether a point has the multiplier of a bifurcation but for roundings: a change of sign there means nothing."""
     root = 1 if kind in ("fold", "branch point") else -1
     return any(point.orbit._at_rounding(root) for point in (here, there))
 
 
-def _unnamed(walk: Walk, here: Point, there: Point, at: Point) -> list[Bifurcation]:
+def _unnamed(problem: OrbitProblem, here: OrbitPoint, there: OrbitPoint, at: OrbitPoint) -> list[Special]:
     """The change of stability between two points, named by the multiplier that is nearest to the unit circle."""
     mu = at.orbit.map_multipliers
     critical = mu[np.argmin(np.abs(np.abs(mu) - 1))]
@@ -339,13 +268,13 @@ def _unnamed(walk: Walk, here: Point, there: Point, at: Point) -> list[Bifurcati
         kind = "fold" if here.tangent[-1] * there.tangent[-1] < 0 else "branch point"
     else:
         kind = "symmetry breaking" if here.orbit.symmetric else "flip"
-    width = max(abs(walk.value(end) - walk.value(at)) for end in (here, there))
+    width = max(abs(problem.value(end) - problem.value(at)) for end in (here, there))
     if not has_multiplier(at.orbit, kind):
         return []
-    return [Bifurcation(kind, walk.name, walk.value(at), width, at.orbit)]
+    return [Special(kind, problem.values(at), at.orbit, width)]
 
 
-def _smooth(walk: Walk, here: Point, there: Point) -> tuple[list[Bifurcation], bool]:
+def _smooth(problem: OrbitProblem, here: OrbitPoint, there: OrbitPoint) -> tuple[list[Special], bool]:
     """Bifurcations of stability between two points of one itinerary that change the sign of their tests.
 
     And whether all that change it have earned their name.
@@ -364,30 +293,30 @@ def _smooth(walk: Walk, here: Point, there: Point) -> tuple[list[Bifurcation], b
             continue
         if kind == "branch point" and here.tangent[-1] * there.tangent[-1] < 0:
             continue  # the same zero as the fold's
-        point = zero_between(walk, here, there, test)
+        point = zero_between(problem, here, there, test)
         if point is not None and kind == "fold" and has_multiplier(point.orbit, kind):
-            kind = turn_named(walk, here, there, point)
+            kind = turn_named(problem, here, there, point)
         if point is None or not kind or not has_multiplier(point.orbit, kind):
             earned = False
             continue
         # Multipliers and tangents are known to some 1e-10; that over the slope of the test function.
-        width = 1e-10 * max(abs(walk.value(there) - walk.value(here)) / abs(b - a), 1.0)
-        bifurcations.append(Bifurcation(kind, walk.name, walk.value(point), width, point.orbit))
-    return sorted(bifurcations, key=lambda b: np.linalg.norm(b.orbit.x - here.orbit.x)), earned
+        width = 1e-10 * max(abs(problem.value(there) - problem.value(here)) / abs(b - a), 1.0)
+        bifurcations.append(Special(kind, problem.values(point), point.orbit, width))
+    return sorted(bifurcations, key=lambda b: np.linalg.norm(b.point.x - here.orbit.x)), earned
 
 
-def _at_border(walk: Walk, left: Point, right: Point) -> Bifurcation:
+def _at_border(problem: OrbitProblem, left: OrbitPoint, right: OrbitPoint) -> Special:
     """A border that the orbit crosses without an event of its own, as in a condition that an event reads."""
     # Both sides lead to it, each along its own tangent; a branch that turns there has no points between them.
     gap, ways = right.u - left.u, np.column_stack([left.tangent, -right.tangent])
     reach = np.linalg.lstsq(ways, gap, rcond=None)[0]
     off = float(np.linalg.norm(ways @ reach - gap) + np.linalg.norm(gap) ** 2)
-    met = float(left.u[-1] + reach[0] * left.tangent[-1]) * walk.scale
-    apart = max(abs(walk.value(right) - walk.value(left)), 1e-10 * walk.scale)
+    met = float(left.u[-1] + reach[0] * left.tangent[-1]) * problem.scale
+    apart = max(abs(problem.value(right) - problem.value(left)), 1e-10 * problem.scale)
     at, width = (
-        (met, off * walk.scale + 1e-10 * walk.scale)
-        if off < 1e-2 * apart / walk.scale
-        else (walk.value(left), apart)
+        (met, off * problem.scale + 1e-10 * problem.scale)
+        if off < 1e-2 * apart / problem.scale
+        else (problem.value(left), apart)
     )
     what = Change(BORDER, (), (), 0.0)
-    return Bifurcation(BORDER, walk.name, at, width, left.orbit, what, right.orbit)
+    return Special(BORDER, {problem.name: at}, left.orbit, width, right.orbit, change=what)

@@ -1,6 +1,6 @@
-"""The zero of a test function between two points of a branch or a curve, whose points a walk computes.
+"""The zero of a test function between two points of a branch or a curve, whose points a problem computes.
 
-Chain: the walks (arclength.py, curve_walk.py, mode_walk.py, equilibrium_walk.py) -> **bracketing** -> what they find.
+Chain: problem.py -> **bracketing** -> way.py, bifurcations.py.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ class _Lost(Exception):
     """Newton's method found no point between two."""
 
 
-def zero_between(walk: Any, here: P, there: P, test: Callable[[P], float], xtol: float = 1e-14) -> P | None:
+def zero_between(problem: Any, here: P, there: P, test: Callable[[P], float], xtol: float = 1e-14) -> P | None:
     """The point, to `xtol` of the chord, at which a test function with different signs at two points vanishes.
 
-    None where `walk.along` finds no point on the way, or the function has no sign.
+    None where `problem.along` finds no point on the way, or the function has no sign.
     """
     from scipy.optimize import brentq
 
@@ -26,7 +26,7 @@ def zero_between(walk: Any, here: P, there: P, test: Callable[[P], float], xtol:
 
     def at(part: float) -> float:
         if part not in points:
-            point: Any = walk.along(here, there, part)
+            point: Any = problem.along(here, there, part)
             if point is None:
                 raise _Lost
             points[part] = point

@@ -6,17 +6,16 @@
     grazing           a stop, an event or static friction is just touched, where the branch finds no orbit beyond
     homoclinic orbit  the motion comes to rest at a saddle on its way         homoclinic.py
 
-Chain: arclength.py, captures.py, recutting.py -> **jumps** -> bifurcations.py, continuation.py.
+Chain: orbit_problem.py, captures.py, recutting.py -> **jumps** -> bifurcations.py, branches.py.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from ..equilibria.equilibrium import Equilibrium
 from ..maps.holding import not_held, strength_of
 from ..maps.impacts import from_release
 from ..maps.parts import minima
@@ -25,30 +24,18 @@ from ..orbits.finding import refine
 from ..orbits.itineraries import Change, Letter, same_itinerary
 from ..orbits.periodic_orbit import PeriodicOrbit
 from ..orbits.recutting import touched
-from .arclength import Point, Walk
-from .conditions.captures import CAPTURE, at_threshold, clearances
+from .conditions.captures import at_threshold, clearances
 from .homoclinic import HETEROCLINIC, HOMOCLINIC, saddles_met
+from .orbit_problem import OrbitPoint, OrbitProblem
+from .special import ADDING, CAPTURE, Special
 
-ADDING = "adding-sliding"
 # Of the parameter: in which a jump is enclosed, and to which the layer is resolved.
 _THRESHOLD, _LAYER = 1e-10, 1e-6
 _PARTED = 1e-6  # in the unit of dh/dt: so little more the layer holds beside a jump
 _GRAZED = 1e-4  # in the unit of h: so near the last orbit of a branch comes, within its shortest step
 
 
-class Jump(NamedTuple):
-    """What a Bifurcation begins with, and the saddles that are met there."""
-
-    kind: str
-    name: str
-    parameter: float
-    uncertainty: float
-    orbit: PeriodicOrbit
-    change: Change | None = None
-    saddles: tuple[Equilibrium, ...] = ()
-
-
-def jump_between(walk: Walk, left: Point, right: Point) -> Jump | None:
+def jump_between(problem: OrbitProblem, left: OrbitPoint, right: OrbitPoint) -> Special | None:
     """Whether a jump is that of a contact which is just captured, just not, or just let go; located over the parameter.
 
     The chord leads from one orbit to another there, and says little of where the first one ends.
@@ -56,21 +43,21 @@ def jump_between(walk: Walk, left: Point, right: Point) -> Jump | None:
     if not (clearances(left.orbit) or parted(left.orbit, math.inf)):
         return None
     last, first = left.orbit, left.orbit
-    low, high = walk.value(left), walk.value(right)
+    low, high = problem.value(left), problem.value(right)
     if left.tangent[-1] * (high - low) <= 0:
-        high = low + math.copysign(max(abs(high - low), 1e-3 * walk.scale), left.tangent[-1])
-    while abs(high - low) > _THRESHOLD * (abs(low) + walk.scale):
+        high = low + math.copysign(max(abs(high - low), 1e-3 * problem.scale), left.tangent[-1])
+    while abs(high - low) > _THRESHOLD * (abs(low) + problem.scale):
         middle = 0.5 * (low + high)
-        found = refine(first.map.with_parameters({walk.name: middle}), last.x)
+        found = refine(first.map.with_parameters({problem.name: middle}), last.x)
         if found.success and same_itinerary(first, found):
             low, last = middle, found
         else:
             high = middle
-    width = abs(high - low) + _LAYER * (abs(low) + walk.scale)
+    width = abs(high - low) + _LAYER * (abs(low) + problem.scale)
     if at_threshold(last):
-        return Jump(CAPTURE, walk.name, low, width, last)
+        return Special(CAPTURE, {problem.name: low}, last, width)
     change = parted(last, _PARTED)
-    return None if change is None else Jump(ADDING, walk.name, low, width, last, change)
+    return None if change is None else Special(ADDING, {problem.name: low}, last, width, change=change)
 
 
 def parted(orbit: PeriodicOrbit, within: float) -> Change | None:
@@ -113,16 +100,17 @@ def let_go(orbit: PeriodicOrbit, within: float) -> Change | None:
     return Change(ADDING, (Letter(time, release.name, "slip by fold", 0, release.side),), (), time)
 
 
-def end_at(walk: Walk, here: Point, width: float) -> Jump | None:
+def end_at(problem: OrbitProblem, here: OrbitPoint, width: float) -> Special | None:
     """What a branch ends at: a capture, the grazing of a stop or of an event, where the map jumps, or a saddle."""
-    if saddles := saddles_met(here.orbit):
+    at, orbit = problem.values(here), here.orbit
+    if saddles := saddles_met(orbit):
         kind = HOMOCLINIC if len(saddles) == 1 else HETEROCLINIC
-        return Jump(kind, walk.name, walk.value(here), width, here.orbit, None, tuple(saddles))
+        return Special(kind, at, orbit, width, saddles=tuple(saddles))
     if at_threshold(here.orbit):
-        return Jump(CAPTURE, walk.name, walk.value(here), width, here.orbit)
+        return Special(CAPTURE, at, orbit, width)
     for ends in (parted, let_go):
         if (change := ends(here.orbit, _GRAZED)) is not None:
-            return Jump(ADDING, walk.name, walk.value(here), width, here.orbit, change)
+            return Special(ADDING, at, orbit, width, change=change)
     model, best = here.orbit.system.model, None
     kinds = {str(mu.symbol): ("grazing impact", "impact") for mu in model.multipliers if mu.kind == "contact"}
     # Static friction holds at once what just comes to rest.
@@ -143,4 +131,4 @@ def end_at(walk: Walk, here: Point, width: float) -> Jump | None:
     first = here.orbit.map.start_time if isinstance(here.orbit.map, Stroboscopic) else 0.0
     time = float((near.place - first) / here.orbit.period % 1.0)
     change = Change(kind, (), (Letter(time, name, letter, 0, 0),), time)
-    return Jump(kind, walk.name, walk.value(here), width, here.orbit, change)
+    return Special(kind, at, orbit, width, change=change)

@@ -10,7 +10,7 @@
 A test function changes its sign where multipliers jump, too, and at a corner where a tangent turns. So multipliers are
 looked at where the test vanishes, and once more with the orbit shot over in other pieces.
 
-Chain: arclength.py, itineraries.py -> **naming** -> bifurcations.py.
+Chain: orbit_problem.py, itineraries.py -> **naming** -> bifurcations.py.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from ...definition.regularity import total_derivative
 from ...results.solution import Solution
 from ..orbits.itineraries import Change, same_itinerary
 from ..orbits.periodic_orbit import PeriodicOrbit
-from .arclength import JUMP_OF_SLOPES, Point, Walk, in_other_pieces, slopes_apart
 from .conditions.conditions import factors, on_circle
+from .orbit_problem import JUMP_OF_SLOPES, OrbitPoint, OrbitProblem, in_other_pieces, slopes_apart
 
 BORDER = "border collision"
 TOUCHED = ("grazing", "grazing-sliding", "grazing impact", "grazing of an event")
@@ -58,7 +58,7 @@ def _on_locus(mu: np.ndarray, kind: str) -> bool:
     return bool(np.abs(mu - root).min(initial=np.inf) <= _NEARLY)
 
 
-def turn_named(walk: Walk, here: Point, there: Point, point: Point) -> str:
+def turn_named(problem: OrbitProblem, here: OrbitPoint, there: OrbitPoint, point: OrbitPoint) -> str:
     """What a point is at which a branch turns back: a fold, if its multiplier goes through 1.
 
     If it only touches 1, another branch meets this one at its vertex. Empty where it stays 1: there the branch is a set
@@ -66,7 +66,7 @@ def turn_named(walk: Walk, here: Point, there: Point, point: Point) -> str:
     """
     chord = there.u - here.u
     part = float((point.u - here.u) @ chord / (chord @ chord))
-    beside = [walk.along(here, there, part + side * min(part, 1 - part) / 2) for side in (-1, 1)]
+    beside = [problem.along(here, there, part + side * min(part, 1 - part) / 2) for side in (-1, 1)]
     orbits = [(end if near is None else near).orbit for near, end in zip(beside, (here, there))]
     if any(orbit._at_rounding(1) for orbit in orbits):
         return ""
@@ -74,12 +74,14 @@ def turn_named(walk: Walk, here: Point, there: Point, point: Point) -> str:
     return "fold" if values[0] * values[1] < 0 else "branch point"
 
 
-def border_between(walk: Walk, here: Point, there: Point) -> tuple[Point, Point] | None:
+def border_between(
+    problem: OrbitProblem, here: OrbitPoint, there: OrbitPoint
+) -> tuple[OrbitPoint, OrbitPoint] | None:
     """Two points of one itinerary, within the bracket of a change, between which the slopes of the map jump.
 
     None where they do not: a jump stays as large while its two sides come together.
     """
-    jump = slopes_apart(walk, here, there)
+    jump = slopes_apart(problem, here, there)
     if not jump > JUMP_OF_SLOPES or here.orbit.degenerate or there.orbit.degenerate:
         return None
     left, right, low, high = here, there, 0.0, 1.0
@@ -88,10 +90,10 @@ def border_between(walk: Walk, here: Point, there: Point) -> tuple[Point, Point]
         middle = 0.5 * (low + high)
         if middle in (low, high):
             break
-        point = walk.along(here, there, middle, left)
+        point = problem.along(here, there, middle, left)
         if point is None or not same_itinerary(here.orbit, point.orbit):
             return None
-        before, behind = slopes_apart(walk, left, point), slopes_apart(walk, point, right)
+        before, behind = slopes_apart(problem, left, point), slopes_apart(problem, point, right)
         if max(before, behind) < _SHARE * jump:
             return None  # it bends, and does not jump
         if before < behind:
@@ -100,7 +102,7 @@ def border_between(walk: Walk, here: Point, there: Point) -> tuple[Point, Point]
             high, right = middle, point
     a, b = (np.sort_complex(point.orbit.map_multipliers) for point in (left, right))
     apart = float(np.abs(a - b).max(initial=0.0)) / max(1.0, float(np.abs(a).max(initial=0.0)))
-    jumps = slopes_apart(walk, left, right) > _SHARE * jump and apart > JUMP_OF_SLOPES
+    jumps = slopes_apart(problem, left, right) > _SHARE * jump and apart > JUMP_OF_SLOPES
     return (left, right) if jumps else None
 
 

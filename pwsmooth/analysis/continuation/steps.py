@@ -31,7 +31,7 @@ class Steps:
 
     >>> x, a = sp.symbols("x a", real=True)
     >>> start = find_equilibrium(System({x: a - x**3}, parameters={a: 1}), {x: 1})
-    >>> len(follow(start, {a: 8}, steps=Steps(longest=0.01, max_points=5)).equilibria)
+    >>> len(follow(start, {a: 8}, steps=Steps(longest=0.01, max_points=5)).points)
     5
     """
 

@@ -5,37 +5,30 @@
 c says which bifurcation (conditions.py); points at which a second condition holds are located and named. Every orbit is
 one of the exact system: where the itinerary changes the curve says so, and ends where the bifurcation does.
 
-Chain: curve_ways.py -> **curves**.
+Chain: curves/ways.py, equilibria/curves.py -> **two_parameters** -> following.py.
 """
 
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ...door import checks
-from ...door.documenting import complete
-from ...paths.budget import Budget, opened, within
 from ..equilibria.equilibrium import Equilibrium
 from ..maps.impacts import FromEvent
-from ..orbits.periodic_orbit import PeriodicOrbit
-from .codimension import Codimension2, Lead
+from .branch import Branch, branch_of
 from .conditions.conditions import Condition
+from .curves.problem import CurveProblem, Spot
 from .curves.starts import condition_of, given
-from .curves.walk import CurveWalk, Spot, where
-from .curves.ways import Way
-from .equilibria.curves import EquilibriumCurve, follow_equilibria
-from .plane import InPlane
-from .steps import Steps
+from .curves.ways import CurveWay
+from .equilibria.curves import follow_equilibria
+from .special import Lead, Special
+from .way import How, followed
 
-__all__ = ["Codimension2", "Curve"]
-
-_COUNTED = 2**62
 # Of the scaled unknowns: Newton's method is not trusted so far from a start; the steps instead.
 _FAR, _PARTS = 0.1, 10
 # Of the states' size, to both sides: at which what is born at a point is looked for.
@@ -43,76 +36,14 @@ _AMPLITUDES = (0.02, -0.02, 0.06, -0.06, 0.2, -0.2)
 _ASIDE = 1e-4  # of the arc: so far along it is seen whether a curve begins
 
 
-@complete
-@dataclass(repr=False)
-class Curve(InPlane):
-    """A curve of bifurcations in two parameters.
-
-    Attributes
-    ----------
-    kind : str
-        Of the bifurcation, as of `Bifurcation`.
-    parameters : tuple of str
-        The names of both.
-    orbits : list of PeriodicOrbit
-        In order along the curve.
-    points : list of Codimension2
-        Where a second condition holds, in order along the curve.
-    ends : tuple of str
-        Why it ended in either direction, in words; one of them where it closes.
-    turns : list of Codimension2
-        Where it turns back in one of the parameters, in order along the curve; no bifurcations, but the largest and
-        smallest values at which they exist.
-    tests : dict of str to ndarray, each of shape (number of orbits,), dimensionless
-        Functions along the curve that vanish at points of codimension 2, by their names.
-
-    Source: Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, 2000, for the test functions.
-
-    >>> t, x, a, b = sp.symbols("t x a b", real=True)
-    >>> step = Event(every=1, update={x: a - x**2 + b * x})
-    >>> quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
-    >>> (flip,) = follow(find_orbit(quadratic, {x: 0.3}, seen=Strobe(1, phase=0.5)), {a: 1}).bifurcations
-    >>> curve = follow(flip, {a: (-1, 2), b: (-1, 1)})
-    >>> curve.ends
-    ('reached b = -1.', 'reached b = 1.')
-    >>> p, q = curve.values
-    >>> bool(abs(4 * p - (1 + q) * (3 - q)).max() < 1e-8)  # of x = (1 + b)/2
-    True
-    """
-
-    orbits: list[PeriodicOrbit] = field(default_factory=list)
-
-    _noun = "orbits"
-
-    @property
-    def _items(self) -> list[Any]:
-        return self.orbits
-
-    def _columns(self) -> dict[str, Any]:
-        return {
-            "period": [orbit.period for orbit in self.orbits],
-            "largest_multiplier": [abs(orbit.multipliers).max(initial=0.0) for orbit in self.orbits],
-        }
-
-
-def follow_curve(
-    start: Any, over: Mapping[Any, Any], kind: str | None, switch: Any, virtual: bool, steps: Steps, max_steps: int,
-    max_seconds: float | None,
-) -> Curve | EquilibriumCurve:  # fmt: skip
+def follow_curve(start: Any, over: Mapping[Any, Any], kind: str | None, switch: Any, how: How) -> Branch:
     """The curve of a bifurcation over two parameters, to both sides."""
-    lengths, most = steps._lengths(0.01, 0.05, 1e-6), steps.max_points
-    budget = opened(max_steps, max_seconds)
-    still = start.orbit if isinstance(start, Codimension2) else getattr(start, "equilibrium", start)
+    still = start.point if isinstance(start, Special) else start
     if isinstance(still, Equilibrium):
-        both, bounds = _in_ranges(over, still.system)
-        return follow_equilibria(start, kind, both, bounds, lengths, most, virtual, budget.late)
+        return follow_equilibria(start, kind, *_in_ranges(over, still.system), how)
     orbit, name, lead = given(start, kind, switch)
-    both, bounds = _in_ranges(over, orbit.system)
-    with within(Budget(_COUNTED)) as counted:
-        return _both_sides(
-            lead, condition_of(lead, name, both), both, bounds, lengths, most, virtual,
-            lambda: _COUNTED - counted.left >= budget.left or budget.late(),
-        )  # fmt: skip
+    names, ranges = _in_ranges(over, orbit.system)
+    return _both_sides(lead, condition_of(lead, name, names), names, ranges, how)
 
 
 def _in_ranges(over: Mapping[Any, Any], system: Any) -> tuple[tuple[str, str], np.ndarray]:
@@ -129,92 +60,76 @@ def _in_ranges(over: Mapping[Any, Any], system: Any) -> tuple[tuple[str, str], n
     return (names[0], names[1]), bounds
 
 
-def _both_sides(lead, condition, names, bounds, lengths, most, virtual, used_up) -> Curve:
-    curve = Curve(condition.kind, names)
+def _both_sides(lead, condition, names, bounds, how) -> Branch:
     begun = _begun(lead, condition, names, bounds)
     if isinstance(begun, str):
-        curve.ends = (begun,)
-        return curve
-    walk, first = begun
-    walk.framed(first)
+        return Branch(names, ends=(begun,), kind=condition.kind)
+    problem, first = begun
+    problem.framed(first)
     if lead.direction is None:  # nearly along the curve itself, the nearest point may be far
-        first = walk.correct(first.u, None, first.tangent) or first
-    if not isinstance(walk.map, FromEvent):
-        first = walk.segmented(first)  # what grows in a window or beside it did not for the branch
-    ways: list[Way] = []
-    sides: list[tuple[list[Spot], list[Codimension2], str]] = []
-    for sign in (-1.0, 1.0):
-        side = copy.copy(walk)
-        side.condition = copy.deepcopy(walk.condition)
-        here = copy.copy(first)
-        object.__setattr__(here, "tangent", sign * first.tangent)
-        way = Way(side, bounds, lengths, most, virtual, used_up)
-        ways.append(way)
-        if lead.begins and (begins := _begins(side, here, lead, virtual)):
-            sides.append(([here], [], begins))
-        else:
-            way.born = here if lead.begins else None
-            sides.append(way.followed(here))
-        if way.closed:
-            break
-    back, on = sides[0], sides[1] if len(sides) == 2 else ([first], [], "")
-    spots = [*back[0][:0:-1], *on[0]]
-    curve.orbits = [spot.orbit for spot in spots]
-    curve.points = [*back[1][::-1], *on[1]]
-    curve.turns = [*ways[0].turns[::-1], *(ways[1].turns if len(ways) == 2 else [])]
-    curve.ends = tuple(end for end in (back[2], on[2]) if end)
-    curve.tests = {name: np.array([spot.tests.get(name, math.nan) for spot in spots]) for name in first.tests}
-    return curve
+        first = problem.correct(first.u, None, first.tangent) or first
+    if not isinstance(problem.map, FromEvent):
+        first = problem.segmented(first)  # what grows in a window or beside it did not for the branch
+
+    def begin(sign: float) -> tuple[CurveWay, Spot, Spot]:
+        side, here = copy.copy(problem), replace(first, tangent=sign * first.tangent)
+        side.condition = copy.deepcopy(problem.condition)
+        way = CurveWay(side, how)
+        if lead.begins:
+            way.born, way.end = here, _begins(side, here, lead, how.virtual)
+        return way, here, here
+
+    return branch_of(*followed(begin, (-1.0, 1.0)), names, condition.kind)
 
 
 def _begun(lead: Lead, condition: Condition, names: tuple[str, str], bounds: np.ndarray) -> Any:
-    """The walk of a curve and its first point; in words why there is none."""
+    """The problem of a curve and its first point; in words why there is none."""
     map_, x, held = lead.cut
     n, widths = len(x), bounds[:, 1] - bounds[:, 0]
     given_ = {p.name: value for p, value in map_.system.parameters.items()}
     middle = bounds.mean(axis=1) / widths
     for amplitude in (0.0,) if lead.direction is None else _AMPLITUDES:
-        walk = CurveWalk(map_, condition, names, widths, x, held)
+        problem = CurveProblem(map_, condition, names, bounds, x, held)
         at = x if lead.direction is None else x + amplitude * (1 + np.abs(x).max()) * lead.direction
         w = np.append(at, [given_[q] for q in names])
-        place = walk.place(w)
+        place = problem.map_at(w)
         if place is None:
             continue
         extra = condition.start(place)
-        u = np.append(w, lead.extra or extra) / walk.sizes
+        u = np.append(w, lead.extra or extra) / problem.sizes
         # The nearest point, or that with one of the parameters as it is: Newton's method may lead far from a far start.
         off, normals = condition.value(place, u[n + 2 :]), [None, *np.eye(len(u))[n : n + 2]]
         if lead.direction is not None:
             normals = [np.append(lead.direction, np.zeros(len(u) - n))]
-        tried = [_nearer(walk, u, normal, off) for normal in normals]
+        tried = [_nearer(problem, u, normal, off) for normal in normals]
         inside = [s for s in tried if s is not None and np.all(np.abs(s.at - middle) <= 0.5 + 1e-9)]
         if inside:
-            return walk, min(inside, key=lambda spot: np.linalg.norm(spot.at - u[n : n + 2]))
+            return problem, min(inside, key=lambda spot: np.linalg.norm(spot.at - u[n : n + 2]))
     return f"no {condition.kind} was found near to the start."
 
 
-def _begins(walk: CurveWalk, here: Spot, lead: Lead, virtual: bool) -> str:
+def _begins(problem: CurveProblem, here: Spot, lead: Lead, virtual: bool) -> str:
     """Whether a curve that begins at a point of codimension 2 begins at this end, in words; empty where it goes on."""
-    there: Any = walk.step(here, _ASIDE)
+    there: Any = problem.step(here, _ASIDE)
     if there is None:
         return ""
     if lead.direction is not None:
         grown = (
             (there.orbit.x - here.orbit.x) @ lead.direction * ((here.orbit.x - lead.cut[1]) @ lead.direction)
         )
-        return f"it begins near {where(walk, here)}." if grown < 0 else ""
-    place = walk.place_at(there)
-    if virtual or place is None or not walk.condition.beyond(place, there.extra):
+        return f"it begins near {problem.where(here)}." if grown < 0 else ""
+    place = problem.place_at(there)
+    if virtual or place is None or not problem.condition.beyond(place, there.extra):
         return ""
-    return f"it begins at {where(walk, here)}."
+    return f"it begins at {problem.where(here)}."
 
 
-def _nearer(walk: CurveWalk, u: np.ndarray, normal: np.ndarray | None, off: np.ndarray) -> Spot | None:
+def _nearer(problem: CurveProblem, u: np.ndarray, normal: np.ndarray | None, off: np.ndarray) -> Spot | None:
     """The first point of a curve, at once or with c in parts of what it is at the start; `normal` keeps an entry."""
-    spot = walk.correct(u, normal, None)
+    spot = problem.correct(u, normal, None)
     if spot is not None and np.linalg.norm(spot.u - u) < _FAR:
         return spot
-    way = copy.copy(walk)
+    way = copy.copy(problem)
     for part in np.linspace(1, 0, _PARTS + 1)[1:]:
         way.offset = part * off
         near = way.correct(u, normal, None)

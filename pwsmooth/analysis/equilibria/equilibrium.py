@@ -215,10 +215,9 @@ class Equilibrium(Described):
 def made(
     statics: Statics, u: np.ndarray, error: float, steps: int, system: Any, message: str = ""
 ) -> Equilibrium:
-    """The Equilibrium of a solution u (N,), without its parameter."""
-    row = u[None] if statics.q is not None else u[None, : statics.size]
-    x, mult, _ = statics.parts(row)
-    free = statics.free(statics(row)[1][0])
+    """The Equilibrium of a solution u (N,)."""
+    x, mult, _ = statics.parts(u[None])
+    free = statics.free(statics(u[None])[1][0])
     mult[[own for own, _ in places(system.model) if statics.sides[own]]] = 1.0
     return Equilibrium(
         system, x[:, 0], mult[:, 0], statics.sides, float(error), int(steps), True, message, free,

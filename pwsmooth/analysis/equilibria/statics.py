@@ -8,7 +8,7 @@ A mode says of every multiplier on which side of its surface it is: 1 or -1, or 
 contact, an algebraic unknown). A disc slips, 1, or is held; its components are unknowns, 0. In a mode the equations are
 smooth.
 
-Chain: linearised.py, disc_modes.py, stability.py -> **statics** -> equilibrium.py, mode_walk.py.
+Chain: linearised.py, disc_modes.py, stability.py -> **statics** -> equilibrium.py, continuation/equilibria/problem.py.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ RANK = 1e-10  # of the smallest singular value to the largest: below it a direct
 
 
 class Statics:
-    """The equations of a mode, F = (f, h_J), and their derivatives by u = (x, lam_J) and, if given, a parameter q."""
+    """The equations of a mode, F = (f, h_J), and their derivatives by u = (x, lam_J) and, if given, parameters q."""
 
     def __init__(
-        self, system: Any, sides: Sides, memories: np.ndarray, q: sp.Symbol | None = None, unit: Any = 1.0
+        self, system: Any, sides: Sides, memories: np.ndarray, q: tuple[sp.Symbol, ...] = (), unit: Any = 1.0
     ) -> None:
         model = system.model
         self.system, self.sides, self.q, self.memories = system, sides, q, memories
-        self.line = linearise(in_mode(model, sides), () if q is None else (q,))
+        self.line = linearise(in_mode(model, sides), q)
         self.n, self.m = len(model.states) - model.n_memory, len(model.multipliers)
         self.J = unknowns(model, sides)
         # An open contact has side 1 and the reaction 0.
@@ -47,7 +47,8 @@ class Statics:
             [side if mu.kind == "switch" else 0 for mu, side in zip(model.multipliers, sides)], float
         )
         self.p = np.array(system.parameter_values, float)
-        self.place = model.parameters.index(q) if q in model.parameters else None
+        held = list(model.parameters)
+        self.places = [(held.index(p), k) for k, p in enumerate(q) if p in held]
         self.size = self.n + len(self.J)  # of (x, lam_J)
         self.tied = bool(system._constraints)
         self.unit = np.ones(self.size)  # in which unknowns are counted
@@ -60,10 +61,19 @@ class Statics:
         mult = np.repeat(self.fixed[:, None], len(u), axis=1)
         mult[self.J] = u[:, self.n : self.size].T
         p = self.p
-        if self.place is not None:
+        if self.places and u.shape[1] > self.size:
             p = p.copy()
-            p[self.place] = u[0, -1]  # of one row only
+            for place, k in self.places:
+                p[place] = u[0, self.size + k]  # of one row only
         return x, mult, p
+
+    def at(self, u: np.ndarray) -> Any:
+        """The system at the parameters of u (N,); ValueError outside of their assumptions."""
+        return (
+            self.system.with_parameters(dict(zip(self.q, map(float, u[self.size :]))))
+            if self.q
+            else self.system
+        )
 
     def unknowns(self, x: np.ndarray, mult: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
         """u (size,) at the states (n,) and the multipliers (m,) of an equilibrium, and at other parameters."""

@@ -9,7 +9,7 @@ Whether what is found repeats in the period that follows is another question: th
 time and from states alone. A memory that counts on, a time that the period does not fit, and the branch of a layer are
 unknown to it.
 
-Chain: periodic_orbit.py -> **fixed_points** -> orbits.py, arclength.py.
+Chain: periodic_orbit.py -> **fixed_points** -> orbits.py, continuation.
 """
 
 from __future__ import annotations

@@ -185,8 +185,8 @@ def change_between(one: PeriodicOrbit, other: PeriodicOrbit) -> Change:
     >>> F = sp.Symbol("F", positive=True)
     >>> dry = System({x: v, v: sp.sin(2 * t) - x - F * sp.sign(v)}, time=t, parameters={F: 0.3})
     >>> orbit = find_orbit(dry, {x: 1, v: 0.5}, seen=Strobe(sp.pi, symmetry={x: -x, v: -v}))
-    >>> (found,) = follow(orbit, {F: 0.8}, steps=Steps(first=0.1)).bifurcations
-    >>> change_between(found.orbit, found.beyond).name
+    >>> (found,) = follow(orbit, {F: 0.8}, steps=Steps(first=0.1)).specials
+    >>> change_between(found.point, found.beyond).name
     'crossing-sliding'
     """
     before, after = letters(one), letters(other)

@@ -1,6 +1,6 @@
 """Segments of the orbits of a curve: begun, cut anew, given up, and turned to another section.
 
-Chain: pieces.py -> **recutting** -> curve_walk.py.
+Chain: pieces.py -> **recutting** -> continuation.
 """
 
 from __future__ import annotations

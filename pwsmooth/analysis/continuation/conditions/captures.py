@@ -9,7 +9,7 @@ motion is therefore solved by the view that decides as the orbit in question doe
 slow motion of the finite ratio, so that the orbit is regular up to the threshold and beyond. Without states the models
 of holding.py do the same; there the map jumps only if what is just held is held for a while.
 
-Chain: separatrix.py, holding.py, tangencies.py, recutting.py -> **captures** -> curve_starts.py.
+Chain: separatrix.py, holding.py, tangencies.py, recutting.py -> **captures** -> curves/starts.py.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from ...maps.windows import Window, Windowed
 from ...orbits.periodic_orbit import PeriodicOrbit
 from ...orbits.recutting import Cut
 from ...sticking.separatrix import FrozenLayer, frozen, one_state
+from ..special import CAPTURE
 from .conditions import Condition, Place
 from .tangencies import Arrival, AtEvent
 
-CAPTURE = "capture"
 _AT = 1e-5  # of a clearance; beside a jump of the solver's own layer it is some 1e-7
 _UNKNOWN = math.nan
 

@@ -14,7 +14,7 @@ is a smooth function of everything to both sides, whatever number of bounces the
 
 Source: A. B. Nordmark, P. T. Piiroinen, Nonlinear Dynamics 58 (2009) 85-106, for complete and incomplete chatter.
 
-Chain: tangencies.py -> **chatter** -> curve_starts.py.
+Chain: tangencies.py -> **chatter** -> curves/starts.py.
 """
 
 from __future__ import annotations

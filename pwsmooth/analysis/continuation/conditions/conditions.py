@@ -8,7 +8,7 @@
 g is as smooth as DP and vanishes with det(DP - mu), whose size it does not have (Govaerts, Numerical Methods for
 Bifurcations of Dynamical Equilibria, 2000); b and c follow the null vectors from point to point.
 
-Chain: impacts.py, pieces.py -> **conditions** -> tangencies.py, curve_walk.py.
+Chain: impacts.py, pieces.py -> **conditions** -> tangencies.py, curves/problem.py.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@
 
 Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for what these are.
 
-Chain: conditions.py, windows.py, impacts.py -> **tangencies** -> curve_walk.py.
+Chain: conditions.py, windows.py, impacts.py -> **tangencies** -> curves/problem.py.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@
 Source: Kuznetsov, Elements of Applied Bifurcation Theory, chapter 9; di Bernardo, Budd, Champneys, Kowalczyk,
 Piecewise-smooth Dynamical Systems, 2008.
 
-Chain: codimension.py, curve_starts.py, curve_walk.py -> **emanating** -> curve_ways.py.
+Chain: special.py, starts.py, problem.py -> **emanating** -> ways.py.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ from ...orbits.finding import refine
 from ...orbits.itineraries import JUMP, Change, change_between
 from ...orbits.periodic_orbit import PeriodicOrbit
 from ...orbits.recutting import exact, of_orbit, touched
-from ..codimension import Lead
-from ..conditions.captures import CAPTURE, at_threshold, capture_cut
+from ..conditions.captures import at_threshold, capture_cut
 from ..conditions.conditions import Critical, Place
 from ..conditions.tangencies import DEGENERATE, SIDES, Touch, TwoSided
+from ..special import CAPTURE, Lead
+from .problem import CurveProblem, Spot
 from .starts import ARRIVALS, EXITS, SMOOTH, TOUCHES, at_event
-from .walk import CurveWalk, Spot
 
 _ASIDE = 1e-4  # of the scaled parameters: so far beside a change the orbits of one side are started from
 
 
-def leads(walk: CurveWalk, spot: Spot, name: str) -> tuple[Lead, ...]:
+def leads(problem: CurveProblem, spot: Spot, name: str) -> tuple[Lead, ...]:
     """What begins at a zero of a test function."""
-    place, condition = walk.place_at(spot), walk.condition
+    place, condition = problem.place_at(spot), problem.condition
     if place is None:
         return ()
-    cut = (place.map, place.x, walk.held)
+    cut = (place.map, place.x, problem.held)
     first, _, second = name.partition(" + ")
     if name in _RESONANCES:
         if condition.kind == "torus":
@@ -55,7 +55,7 @@ def leads(walk: CurveWalk, spot: Spot, name: str) -> tuple[Lead, ...]:
         found = condition.impacts(place, int(name.rpartition(" ")[2]) if "period" in name else 1)
         return () if found is None else (Lead("fold", (*found, False)),)
     if isinstance(condition, TwoSided) and second.endswith(tuple(SIDES)):
-        return _of_one_side(walk, place, *second.split(", "))
+        return _of_one_side(problem, place, *second.split(", "))
     if second == "grazing impact" and isinstance(place.map, FromImpact):
         return _grazing(place, spot)
     return (Lead(second, cut),) if second in SMOOTH and first == condition.kind else ()
@@ -96,15 +96,15 @@ def _grazing(place: Place, spot: Spot) -> tuple[Lead, ...]:
     return (Lead("grazing impact", (Windowed(start, window), run.x[:, -1], False)),)
 
 
-def _of_one_side(walk: CurveWalk, place: Place, kind: str, side: str) -> tuple[Lead, ...]:
+def _of_one_side(problem: CurveProblem, place: Place, kind: str, side: str) -> tuple[Lead, ...]:
     """The fold, flip, ... of the orbits on one side of a change of itinerary."""
-    slopes = walk.condition.slopes(place, np.empty(0))
+    slopes = problem.condition.slopes(place, np.empty(0))
     if slopes is None:
         return ()
-    by = slopes[0, len(place.x) :] * walk.scales
+    by = slopes[0, len(place.x) :] * problem.scales
     if not np.linalg.norm(by) > 0:
         return ()
-    aside = SIDES[side] * _ASIDE * walk.scales * by / np.linalg.norm(by)
+    aside = SIDES[side] * _ASIDE * problem.scales * by / np.linalg.norm(by)
     values = {name: _value(place, name) + float(off) for name, off in zip(place.names, aside)}
     base = exact(place.map)
     map_ = base.map if isinstance(base, Shooting) else base

@@ -12,7 +12,7 @@ smooth where eigenvalues meet too; where it vanishes, mu_1 mu_2 tells a Hopf poi
 Source: Kuznetsov, Elements of Applied Bifurcation Theory, chapters 8 and 10; di Bernardo, Budd, Champneys, Kowalczyk,
 Piecewise-smooth Dynamical Systems, 2008, ch. 5, for boundary equilibria.
 
-Chain: equilibria.py, equilibrium_stability.py -> **equilibrium_conditions** -> equilibrium_curves.py.
+Chain: statics.py, stability.py -> **conditions** -> problem.py, ways.py.
 """
 
 from __future__ import annotations
@@ -23,8 +23,6 @@ from typing import Any
 
 import numpy as np
 
-from ....paths.derivatives.linearised import linearise
-from ...equilibria.disc_modes import in_mode
 from ...equilibria.stability import Linear, layer_at, linear_at, lyapunov_coefficient, sigmoid_slope
 from ...equilibria.statics import Statics
 
@@ -35,36 +33,11 @@ _STEP = 6e-6  # of an unknown's unit, for differences of what has twelve digits
 _REAL = 1e-9  # of the largest eigenvalue: what counts as an imaginary part
 
 
-class Statics2(Statics):
-    """The equations of a mode in (x, lam_J, p, q)."""
-
-    def __init__(
-        self, system: Any, sides: tuple[int, ...], memories: np.ndarray, names: tuple[str, str], unit: Any = 1.0
-    ) -> None:
-        super().__init__(system, sides, memories, unit=unit)
-        chosen: Any = tuple(next(p for p in system.parameters if p.name == name) for name in names)
-        self.line, self.q, self.names = linearise(in_mode(system.model, sides), chosen), chosen, names
-        held = list(system.model.parameters)
-        self.places = [(held.index(p), k) for k, p in enumerate(chosen) if p in held]
-
-    def parts(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """x (states, 1), multipliers (m, 1) and parameters at the one row of u."""
-        x, mult, p = super().parts(u)
-        p = p.copy()
-        for place, k in self.places:
-            p[place] = u[0, self.size + k]
-        return x, mult, p
-
-    def at(self, u: np.ndarray) -> Any:
-        """The system at the parameters of u (N,); ValueError outside of their assumptions."""
-        return self.system.with_parameters(dict(zip(self.names, map(float, u[self.size :]))))
-
-
 @dataclass(frozen=True)
 class Spot:
     """A point u (N,) of the mode's equations, with F_u (size, size) and the linear part of its flow and layer."""
 
-    statics: Statics2
+    statics: Statics
     u: np.ndarray
     DF: np.ndarray
     system: Any
@@ -239,7 +212,7 @@ class Boundary(EquilibriumCondition):
         mult[self.j] = self.new if self.new else (0.0 if old.system.model.multipliers[self.j].kind == "contact" else
                                                   float(sides[self.j]))  # fmt: skip
         sides[self.j] = self.new
-        there = Statics2(old.system, tuple(sides), old.memories, old.names, old.unit[: old.n])
+        there = Statics(old.system, tuple(sides), old.memories, old.q, old.unit[: old.n])
         u = np.concatenate([there.unknowns(x, mult, old.parts(spot.u[None])[2]), spot.u[old.size :]])
         DF = there(u[None])[1][0]
         return Spot(there, u, DF, spot.system) if np.isfinite(DF).all() else None

@@ -7,7 +7,7 @@ parameter, as behind a flip (continuation.branch_off). Where other directions gr
 over in segments, which begin along the ellipse.
 
 Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the eigenvectors as predictor.
-Chain: equilibrium_branch.py, arclength.py -> **hopf**.
+Chain: special.py, orbit_problem.py -> **hopf**.
 """
 
 from __future__ import annotations
@@ -19,13 +19,14 @@ import numpy as np
 import sympy as sp
 
 from ....door import calls, checks
+from ...equilibria.equilibrium import Equilibrium
 from ...maps.scales import Scale, units_at
 from ...maps.sections import Section, poincare_map
 from ...maps.seen import Return
 from ...maps.segments import TOO_LONG, Segments
 from ...orbits.periodic_orbit import PeriodicOrbit, none_found
-from ..arclength import Walk, in_units, leaves
-from .branch import EquilibriumBifurcation
+from ..orbit_problem import OrbitProblem, in_units, leaves
+from ..special import Special
 
 __all__ = ["cycle_from"]
 
@@ -36,11 +37,11 @@ _SMALLEST = 0.5  # of the predicted distance from the equilibrium: what comes ne
 
 @checks.door(
     calls.RUNS,
-    hopf=checks.instance(EquilibriumBifurcation, "one of the `bifurcations` of a branch of equilibria"),
+    hopf=checks.instance(Special, "one of the `specials` of a branch of equilibria"),
     amplitude=checks.positive, seen=checks.optional(checks.instance(Return, "Return(section)")),
 )  # fmt: skip
 def cycle_from(
-    hopf: EquilibriumBifurcation,
+    hopf: Special,
     amplitude: float = 1e-2,
     *,
     seen: Return | None = None,
@@ -50,7 +51,7 @@ def cycle_from(
 
     Parameters
     ----------
-    hopf : EquilibriumBifurcation
+    hopf : Special
         Of kind "Hopf" or "sliding Hopf".
     amplitude : float, in the units of the states
         Of the orbit, along the critical eigenvector of length 1; the parameter follows from it.
@@ -72,14 +73,20 @@ def cycle_from(
     >>> x, y, a = sp.symbols("x y a", real=True)
     >>> r2 = x**2 + y**2  # the cycle has the radius sqrt(a)
     >>> ring = System({x: a * x - y - x * r2, y: x + a * y - y * r2}, parameters={a: -0.5})
-    >>> (hopf,) = follow(find_equilibrium(ring, {x: 0, y: 0}), {a: 0.5}).bifurcations
+    >>> (hopf,) = follow(find_equilibrium(ring, {x: 0, y: 0}), {a: 0.5}).specials
     >>> cycle = cycle_from(hopf, 0.2)
     >>> cycle.success, round(cycle.system.parameters[a], 9), round(float(abs(cycle.x).max()) ** 2, 9)
     (True, 0.02, 0.02)
     """
     if hopf.kind not in ("Hopf", "sliding Hopf"):
         raise ValueError(f"`hopf` is a {hopf.kind}; cycles begin at a Hopf or a sliding Hopf point.")
-    e = hopf.equilibrium
+    e = hopf.point
+    if not isinstance(e, Equilibrium):
+        raise ValueError(
+            f"`hopf` is a {hopf.kind} of no equilibrium; give one of a branch of equilibria, or of a diagram that was "
+            "not read from a file."
+        )
+    ((name, at),) = hopf.values.items()
     system, linear = e.system, e.linear
     own = len(e.x) - system.model.n_memory
     mu, vectors = np.linalg.eig(linear.matrix)
@@ -111,11 +118,11 @@ def cycle_from(
     first = PeriodicOrbit(
         map_, e.x, 0.0, nothing[0], (), 0.0, 0, True, "", segments=pieces if number > 1 else None
     )
-    walk = Walk(first, hopf.name, 1.0, unit)
+    problem = OrbitProblem(first, name, 1.0, unit)
     normal = np.append(ahead.ravel() / np.linalg.norm(ahead), 0.0)
-    begun = np.append(np.tile(e.x, number) / walk.sizes, hopf.parameter)
-    guess = begun + np.append(amplitude * ahead.ravel() / walk.sizes, 0.0)
-    point = walk.correct(guess, normal, normal)
+    begun = np.append(np.tile(e.x, number), at) / problem.sizes
+    guess = begun + np.append(amplitude * ahead.ravel(), 0.0) / problem.sizes
+    point = problem.correct(guess, normal, normal)
     lost = "give another `amplitude`, a smaller one as a rule, or a section in `seen` that the cycle crosses."
     if point is None:
         return none_found(map_, e.x, f"no orbit was found at this distance from the Hopf point: {lost}")
@@ -123,7 +130,7 @@ def cycle_from(
     if np.linalg.norm(orbit.x - e.x) < _SMALLEST * amplitude * np.linalg.norm(ahead[0]):
         return none_found(map_, e.x, f"no orbit was found but the equilibrium itself: {lost}")
     if (
-        leaves(walk, begun, hopf.uncertainty, point, normal) is None
+        leaves(problem, begun, hopf.uncertainty, point, normal) is None
         or not _TURNS < orbit.period / period < 1 / _TURNS
     ):
         return none_found(map_, e.x, f"found was an orbit that does not come from the Hopf point: {lost}")

@@ -19,17 +19,17 @@ from ...maps.sections import poincare_map
 from ...maps.seen import Return
 from ...orbits.finding import find_orbit
 from ...orbits.periodic_orbit import PeriodicOrbit, none_found
-from .branch import EquilibriumBifurcation
+from ..special import Special
 
 _TURNS = 20  # before Newton's method
 _FARTHEST = 100.0  # times the distance of the focus: a larger orbit is another one
 
 
-def cycle_beside(born: EquilibriumBifurcation, offset: float, **options: Any) -> PeriodicOrbit:
+def cycle_beside(born: Special, offset: float, **options: Any) -> PeriodicOrbit:
     """The attracting cycle of a boundary equilibrium, at `offset` from it in the parameter, to whichever side."""
-    e, (mu,) = born.equilibrium, born.equilibrium.system.model.multipliers
+    e, (mu,), (name, *_) = born.point, born.point.system.model.multipliers, born.values
     side = e.sides[0] or int(np.sign(e.mult[0]))
-    q = next(p for p in e.system.parameters if p.name == born.name)
+    q = next(p for p in e.system.parameters if p.name == name)
     for value in (born.parameter + offset, born.parameter - offset):
         try:
             system = e.system.with_parameters({q: value})

@@ -4,7 +4,7 @@
     branch; with a linear switch a two-fold)
 
 Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the smooth ones.
-Chain: mode_walk.py, equilibrium_branch.py -> **equilibrium_tests** -> equilibrium_branches.py.
+Chain: problem.py, special.py -> **tests** -> branches.py.
 """
 
 from __future__ import annotations
@@ -20,68 +20,72 @@ from ....definition.regularity import total_derivative
 from ...equilibria.disc_modes import held as held_in
 from ...equilibria.equilibrium import Equilibrium
 from ...equilibria.stability import lyapunov_coefficient
-from .branch import EquilibriumBifurcation
-from .mode_walk import Point, Walk
+from ..special import Special
+from .problem import EquilibriumPoint, EquilibriumProblem
 
 
-def between(walk: Walk, here: Point, there: Point) -> list[EquilibriumBifurcation]:
+def between(problem: EquilibriumProblem, here: EquilibriumPoint, there: EquilibriumPoint) -> list[Special]:
     """Bifurcations between two points of one mode."""
-    tests: dict[str, Callable[[Point], float]] = {"fold": lambda p: float(p.tangent[walk.place])}
-    if walk.q is not None:
+    tests: dict[str, Callable[[EquilibriumPoint], float]] = {"fold": lambda p: float(p.tangent[problem.place])}
+    if not problem.along_state:
         tests["branch point"] = _bordered
     tests |= {"Hopf": lambda p: _pairs(p.equilibrium.eigenvalues), "layer": _layer_determinant}
     if len(here.equilibrium.layer_eigenvalues) > 1:
         tests["layer Hopf"] = lambda p: _pairs(p.equilibrium.layer_eigenvalues)
-    for event in walk.system.model.events:
+    for event in problem.statics.system.model.events:
         if event.surface is not None and not event.singular:
             tests[f"event {event.name}"] = _event_surface(event.surface)
-    found: list[EquilibriumBifurcation] = []
+    found: list[Special] = []
     for kind, test in tests.items():
         a, b = test(here), test(there)
         if not a * b < 0:
             continue
-        at = walk.zero(here, there, test)
+        at = problem.zero(here, there, test)
         if at is None or abs(test(at[0])) > 1e-4 * max(abs(a), abs(b)):
             continue  # a pole: eigenvalues go through infinity where the layer folds
-        if (named := _named(walk, kind, here, *at)) is not None:
+        if (named := _named(problem, kind, here, *at)) is not None:
             found.append(named)
     # Where all of x is held, the layer's fold is that of the branch.
     layer = [b for b in found if b.kind == "hidden fold"]
-    near = [b for b in found if b.kind == "fold" and any(abs(b.parameter - c.parameter) <= 1e-7 * walk.unit[walk.place]
-                                                         for c in layer)]  # fmt: skip
+    width = 1e-7 * problem.sizes[problem.place]
+    near = [
+        b for b in found if b.kind == "fold" and any(abs(b.parameter - c.parameter) <= width for c in layer)
+    ]
     found = [b for b in found if b not in near]
-    return sorted(found, key=lambda b: float(np.linalg.norm(b.equilibrium.x - here.equilibrium.x)))
+    return sorted(found, key=lambda b: float(np.linalg.norm(b.point.x - here.equilibrium.x)))
 
 
-def _named(walk: Walk, kind: str, here: Point, point: Point, width: float) -> EquilibriumBifurcation | None:
+def _named(
+    problem: EquilibriumProblem, kind: str, here: EquilibriumPoint, point: EquilibriumPoint, width: float
+) -> Special | None:
     e = point.equilibrium
-    made_ = EquilibriumBifurcation(kind, walk.name, walk.value(point), width, e)
+    made_ = Special(kind, problem.values(point), e, width)
     if kind == "Hopf":
         w = _critical(e.eigenvalues)
         if w is None:
             return None  # a neutral saddle: two real eigenvalues of opposite sign
         if e.linear.joined is not None:
             what = "half a turn on either side of the kink multiplies to 1"
-            return replace(made_, kind="Hopf", frequency=w, what=what)
+            return replace(made_, kind="Hopf", frequency=w, note=what)
         kind = "sliding Hopf" if "pseudo" in e.kind else "Hopf"
         l1 = lyapunov_coefficient(e.system, e.x, e.mult, e.sides)
         return replace(made_, kind=kind, frequency=w, lyapunov=l1)
     if kind == "layer Hopf":
         w = _critical(e.layer_eigenvalues)
         return (
-            None if w is None else replace(made_, what=f"{', '.join(e.held)} begin to oscillate in the layer")
+            None if w is None else replace(made_, note=f"{', '.join(e.held)} begin to oscillate in the layer")
         )
     if kind == "layer":
         name, what = _layer_kind(e)
-        return replace(made_, kind=name, what=what)
+        return replace(made_, kind=name, note=what)
     if kind.startswith("event "):
-        return replace(made_, kind="surface of an event", what=f"the surface of {kind[6:]} is met")
+        return replace(made_, kind="surface of an event", note=f"the surface of {kind[6:]} is met")
     return made_
 
 
-def _bordered(point: Point) -> float:
+def _bordered(point: EquilibriumPoint) -> float:
     """Sign and size of det [DF; tau']: 0 where two branches meet, and not at a fold."""
-    square = np.vstack([point.DF, point.tangent])
+    square = np.vstack([point.rows, point.tangent])
     return float(np.linalg.det(square / (1 + np.linalg.norm(square, axis=1))[:, None]))
 
 
@@ -102,15 +106,15 @@ def _critical(mu: np.ndarray) -> float | None:
     return float(nearest.imag) if abs(nearest.real) <= 1e-6 * np.abs(mu).max() else None
 
 
-def _layer_determinant(point: Point) -> float:
+def _layer_determinant(point: EquilibriumPoint) -> float:
     layer = point.equilibrium.linear.layer
     if not len(layer) or not np.isfinite(layer).all():
         return 1.0
     return float(np.linalg.det(layer / max(np.abs(layer).max(), 1.0)))
 
 
-def _event_surface(surface: sp.Expr) -> Callable[[Point], float]:
-    def test(point: Point) -> float:
+def _event_surface(surface: sp.Expr) -> Callable[[EquilibriumPoint], float]:
+    def test(point: EquilibriumPoint) -> float:
         return value(surface, _symbols(point.equilibrium))
 
     return test

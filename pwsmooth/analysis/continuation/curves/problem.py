@@ -1,8 +1,8 @@
-"""Steps along a curve of bifurcations: predictor and corrector in states, two parameters and what a condition adds.
+"""Orbits with a condition along a curve of bifurcations, over two parameters.
 
-    P(x; p, q) = x,   c(x, p, q, e) = 0,   tau . (u - u0) = ds,   u = (x, p/scale, q/scale, e)
+    P(x; p, q) = x,   c(x, p, q, e) = 0,   u = (x, p/scale, q/scale, e)
 
-Chain: arclength.py, conditions.py, tangencies.py -> **curve_walk** -> curve_ways.py.
+Chain: orbit_problem.py, conditions/ -> **problem** -> ways.py.
 """
 
 from __future__ import annotations
@@ -18,28 +18,26 @@ import numpy as np
 
 from ...maps.impacts import FromEvent
 from ...maps.scales import extents, units_of_motion
-from ...maps.sections import Section, Stroboscopic
+from ...maps.sections import Stroboscopic
 from ...maps.segments import Shooting, best_place
 from ...maps.windows import WIDEST, Windowed, recentred
 from ...orbits.finding import refine
-from ...orbits.fixed_points import TOLERANCE, onto_section, orbit_of, pinned
+from ...orbits.fixed_points import TOLERANCE, orbit_of, pinned
 from ...orbits.periodic_orbit import PeriodicOrbit
 from ...orbits.recutting import anew, at_section, exact, narrowed
-from ..arclength import EASY, NEAR, Point, Walk, only_way, quiet_time, value_of
 from ..conditions import captures
 from ..conditions.captures import AtFold, Capture
 from ..conditions.conditions import Condition, Place, along, differences, place_of, units_of_unknowns
 from ..conditions.tangencies import AtEvent
+from ..orbit_problem import EASY, NEAR, OrbitPoint, OrbitProblem, quiet_time
+from ..problem import Equations, Problem
 
-_MOST_NEWTON = 8
-_CONVERGED, _ROUNDED = 1e-12, 1e-9  # of the unknowns: what the last correction is, and may be where it stays so
-_SLOW = 1e-2  # of the last correction: what is not less takes new slopes
 HARDLY = 1e-5  # in the unit of dh/dt: the speed of a release that may as well be none
 _REPEATED = 1e-6  # to which an orbit beside grazing comes back
 
 
 @dataclass(frozen=True)
-class Spot(Point):
+class Spot(OrbitPoint):
     """A point of a curve: u = (x, p/scale, q/scale, e), what its own unknowns e are, and its test functions."""
 
     extra: np.ndarray = field(default_factory=lambda: np.empty(0))
@@ -57,20 +55,23 @@ class Spot(Point):
         return self.tangent[len(self.u) - len(self.extra) - 2 :][:2]
 
 
-class CurveWalk(Walk):
-    """Predictor and corrector in the space of states, two parameters and the condition's own unknowns."""
+class CurveProblem(OrbitProblem):
+    """An orbit, two parameters and the condition's own unknowns."""
+
+    tolerance, converged, rounded = TOLERANCE, 1e-12, 1e-9
 
     def __init__(
         self,
         map_: Any,
         condition: Condition,
         names: tuple[str, str],
-        scales: np.ndarray,
+        ranges: np.ndarray,
         x: np.ndarray,
         held: bool,
     ) -> None:
         self.reach = 1.0  # how long the present step is
-        self.condition, self.names, self.scales = condition, names, scales
+        self.condition, self.names, self.ranges = condition, names, ranges
+        self.scales = ranges[:, 1] - ranges[:, 0]
         self.offset: Any = 0.0  # what c is, on the way to a first point
         runs = map_.image(x).runs
         moves = extents(runs)
@@ -78,14 +79,15 @@ class CurveWalk(Walk):
         self.take(map_, len(x), held)
 
     def take(self, map_: Any, n: int, held: bool) -> None:
-        """From now on with this map, of n unknowns: those of segments are counted as in arclength.py."""
+        """From now on with this map, of n unknowns: those of segments are counted as in orbit_problem.py."""
         self.map: Any = map_
-        self.n, self.held = n, held
+        self.n = self.place = n
+        self.held = held
         weight = math.sqrt(map_.number) if isinstance(map_, Shooting) else 1.0
         self.units = units_of_unknowns(self.unit, n)
         self.sizes = np.concatenate([weight * self.units, self.scales, np.ones(self.condition.extras)])
 
-    def place(self, w: np.ndarray) -> Place | None:
+    def map_at(self, w: np.ndarray) -> Place | None:
         """F and its slopes at w = (x, p, q), not scaled; None where the trajectory does not return."""
         x, n = w[: self.n], self.n
         try:
@@ -110,8 +112,8 @@ class CurveWalk(Walk):
             return condition.value(there, extra)
 
         if bent is not None:
-            return along(self.place, place, u, value, bent, self.reach)
-        found = differences(self.place, place, u, value, self.reach)
+            return along(self.map_at, place, u, value, bent, self.reach)
+        found = differences(self.map_at, place, u, value, self.reach)
         if found is None or not condition.extras:
             return found
         h = 1e-6
@@ -121,82 +123,37 @@ class CurveWalk(Walk):
         ]
         return np.column_stack([found, *own])
 
-    def correct(
-        self, guess: np.ndarray, normal: np.ndarray | None, direction: np.ndarray | None
-    ) -> Spot | None:
-        """Newton's method in the plane normal . (u - guess) = 0, or to the nearest point without one."""
-        try:
-            return self._corrected(guess, normal, direction)
-        except np.linalg.LinAlgError:
+    def equations(
+        self, u: np.ndarray, before: Equations | None = None, known: bool = False
+    ) -> Equations | None:
+        # From the second step on the slopes are near enough: each evaluation runs 2 (n + 2) orbits.
+        condition, n, w = self.condition, self.n, u * self.sizes
+        place, extra = self.map_at(w[: n + 2]), w[n + 2 :]
+        if place is None:
             return None
-
-    def _corrected(
-        self, guess: np.ndarray, normal: np.ndarray | None, direction: np.ndarray | None
-    ) -> Spot | None:
-        condition, n, u, last, slopes, slow = self.condition, self.n, guess, math.inf, None, False
-        for steps in range(_MOST_NEWTON + 1):
-            w = u * self.sizes
-            place = self.place(w[: n + 2])
-            if place is None:
-                return None
-            extra = w[n + 2 :]
-            # From the second step on the slopes are near enough, as a rule: each evaluation runs 2 (n + 2) orbits.
-            if steps < 2 or normal is None or slow:
-                slopes = self.slopes(place, w)
-            if slopes is None:
-                return None
-            G = np.concatenate(
-                [place.F + condition.unfolding(extra), condition.value(place, extra) - self.offset]
-            )
-            DG = np.vstack([np.hstack([place.DF, condition.unfolding_slopes(n)]), slopes]) * self.sizes
-            DG[:n] /= self.units[:, None]
-            rows, right = DG, np.append(-G[:n] / self.units, -G[n:])
-            if normal is not None:
-                rows, right = np.vstack([DG, normal]), np.append(right, -normal @ (u - guess))
-            if not (np.isfinite(rows).all() and np.isfinite(right).all()):
-                return None
-            move = np.linalg.lstsq(rows, right, rcond=1e-14)[0]
-            off = float(np.abs(G[:n] / (self.units + np.abs(w[:n]))).max(initial=0.0))
-            size = float(np.abs(move / (1 + np.abs(u))).max())
-            if not np.isfinite(size):
-                return None
-            stands = size > 0.3 * last and size <= _ROUNDED  # roundings are all that moves it
-            if off <= TOLERANCE and (size <= _CONVERGED or stands):
-                orbit = _orbit(condition, place, off, steps, self.held)
-                tangent, alone = only_way(DG, np.ones(len(u)) if direction is None else direction)
-                tangent[:n][pinned(place.image)] = 0.0
-                tests = condition.tests(place, extra, slopes)
-                return Spot(
-                    u,
-                    tangent,
-                    orbit,
-                    place.image,
-                    steps,
-                    alone,
-                    extra,
-                    tests,
-                    condition.twin(place),
-                )
-            if steps == _MOST_NEWTON or size > 10 * last:
-                return None
-            last, slow = size, size > _SLOW * last
-            u, weight, stays = u + move, self.sizes[:n], pinned(place.image)
-            u[:n][stays] = place.image.x[stays] / weight[stays]
-            if (there := self._moved(place.map, u)) is None:
-                return None
-            u = np.concatenate([onto_section(there, u[:n] * weight) / weight, u[n:]])
-        return None
-
-    def _moved(self, map_: Any, u: np.ndarray) -> Any:
-        map_ = exact(map_)
-        inner = map_.map if isinstance(map_, Shooting) else map_
-        if not (isinstance(inner, Section) and {*self.names} & {*map(str, inner.surface.free_symbols)}):
-            return map_
-        values = (u * self.sizes)[self.n : self.n + 2]
-        try:
-            return map_.with_parameters(dict(zip(self.names, map(float, values))))
-        except ValueError:  # outside the assumptions of a parameter
+        slopes = self.slopes(place, w) if before is None else before.parts[1]
+        if slopes is None:
             return None
+        G = np.concatenate([place.F + condition.unfolding(extra), condition.value(place, extra) - self.offset])
+        DG = np.vstack([np.hstack([place.DF, condition.unfolding_slopes(n)]), slopes]) * self.sizes
+        off = float(np.abs(G[:n] / (self.units + np.abs(w[:n]))).max(initial=0.0))
+        G[:n] /= self.units
+        DG[:n] /= self.units[:, None]
+        return Equations(G, DG, off, (place, slopes))
+
+    def size(self, equations: Equations, move: np.ndarray, u: np.ndarray) -> float:
+        return Problem.size(self, equations, move, u)
+
+    def made(self, u: np.ndarray, equations: Equations, steps: int, tangent: np.ndarray, alone: bool) -> Spot:
+        (place, slopes), condition, extra = equations.parts, self.condition, (u * self.sizes)[self.n + 2 :]
+        orbit = _orbit(condition, place, equations.error, steps, self.held)
+        tangent[: self.n][pinned(place.image)] = 0.0
+        tests, twin = condition.tests(place, extra, slopes), condition.twin(place)
+        return Spot(u, tangent, steps, alone, orbit, place.image, extra, tests, twin)
+
+    def settled(self, u: np.ndarray, equations: Equations) -> np.ndarray | None:
+        place, _ = equations.parts
+        return super().settled(u, equations._replace(parts=(exact(place.map), place.image)))
 
     def step(self, here: Any, ds: float) -> Any:
         self.reach = ds
@@ -209,9 +166,6 @@ class CurveWalk(Walk):
         place = self.place_at(here)
         if place is not None:
             self.condition.frame(place, here.extra)
-
-    def parameters(self, here: Spot) -> dict[str, float]:
-        return {name: value_of(here.orbit, name) for name in self.names}
 
     def rephased(self, here: Any) -> Any:
         """The same orbit on a section at which it slips, where its own one sticks or an event has come near to it.
@@ -313,7 +267,7 @@ class CurveWalk(Walk):
 
     def place_at(self, here: Any) -> Place | None:
         """The map at a point that has been reached."""
-        return self.place((here.u * self.sizes)[: self.n + 2])
+        return self.map_at((here.u * self.sizes)[: self.n + 2])
 
     def _turned(self, here: Spot, map_: Any, x: np.ndarray, held: bool = False, passed: float = 0.0) -> Spot:
         """The same point with another map and its points there, on a section which the orbit comes to after a time."""
@@ -325,7 +279,7 @@ class CurveWalk(Walk):
             condition.ordinal = (condition.ordinal - sum(time < passed for time in times)) % len(times)
         turned.take(map_, len(x), held)
         u = np.concatenate([x / turned.sizes[: len(x)], here.u[self.n :]])
-        place = turned.place((u * turned.sizes)[: turned.n + 2])
+        place = turned.map_at((u * turned.sizes)[: turned.n + 2])
         if place is None:
             return here
         condition.start(place)
@@ -335,15 +289,6 @@ class CurveWalk(Walk):
         self.condition = condition
         self.take(map_, len(x), held)
         return there
-
-    def at(self, near: Spot, other: Spot, index: int, value: float) -> Spot | None:
-        """The point between two at which an entry of u has a value."""
-        way = other.u - near.u
-        guess = near.u + way * (value - near.u[index]) / way[index]
-        guess[index] = value
-        normal = np.zeros(len(guess))
-        normal[index] = 1.0
-        return self.correct(guess, normal, near.tangent)
 
 
 def _orbit(condition: Condition, place: Place, off: float, steps: int, held: bool) -> PeriodicOrbit:
@@ -362,7 +307,3 @@ def _orbit(condition: Condition, place: Place, off: float, steps: int, held: boo
     message = "continued" if found else "virtual: it is none of the exact system"
     orbit = orbit_of(map_, x, image, off, steps, found, message, (False, held))
     return dataclasses.replace(orbit, word=word)
-
-
-def where(walk: CurveWalk, here: Spot) -> str:
-    return ", ".join(f"{name} = {value:.10g}" for name, value in walk.parameters(here).items())

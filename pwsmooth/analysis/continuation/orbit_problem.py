@@ -1,11 +1,11 @@
-"""Steps along a branch of periodic orbits: predictor, corrector, and a section that keeps away from events.
+"""Orbits along a branch: their equations, and a section that keeps away from events.
 
-    P(x; q) - x = 0,    tau . (u - u0) = ds,    u = (x/unit, q/scale)     (H. B. Keller, 1977)
+    P(x; q) - x = 0,    u = (x/unit, q/scale)
 
 Each state has a unit of its own, of the size of its motion. Of an orbit in N segments x is the points at which these
 begin, over sqrt(N), so that an arc is as long as with one.
 
-Chain: sections.py, fixed_points.py, orbits.py -> **arclength** -> bifurcations.py, continuation.py.
+Chain: problem.py, orbits/fixed_points.py -> **orbit_problem** -> bifurcations.py, branches.py.
 """
 
 from __future__ import annotations
@@ -28,8 +28,9 @@ from ..orbits.fixed_points import SAME, TOLERANCE, onto_section, orbit_of, pinne
 from ..orbits.itineraries import same_itinerary
 from ..orbits.periodic_orbit import MULTIPLIERS, PeriodicOrbit
 from ..orbits.recutting import longest_slip
+from .problem import Equations, Point, Problem, only_way
 
-_MOST_NEWTON = 8
+_MORE = 0.5  # of the range, to either side: there orbits are looked for too
 EASY = 3  # steps of Newton's method: where it takes more, it is seen whether segments would make it easier
 NEAR = 0.03  # of the period: an event so near to the section moves it
 _TRIAL, _FEWEST = 100, 100  # times the steps of the orbit before, and how many these are at least: of a guess
@@ -63,18 +64,16 @@ def value_of(orbit: PeriodicOrbit, name: str) -> float:
 
 
 @dataclass(frozen=True)
-class Point:
-    """A point of the branch: u = (x, q/scale), the unit tangent there, the orbit, its image and Newton's steps.
+class OrbitPoint(Point):
+    """A point of a branch of orbits: u = (x, q/scale), the orbit, and its image."""
 
-    `alone` is False where the equations leave more than one direction: a family of orbits at one parameter value.
-    """
-
-    u: np.ndarray
-    tangent: np.ndarray
     orbit: PeriodicOrbit
     image: Image
-    steps: int
-    alone: bool = True
+
+    @property
+    def item(self) -> PeriodicOrbit:
+        """What is shown of it."""
+        return self.orbit
 
     @property
     def run(self) -> Solution:
@@ -82,14 +81,19 @@ class Point:
         return self.image.solution
 
 
-class Walk:
-    """Predictor, corrector and bisection in the plane of states and one parameter."""
+class OrbitProblem(Problem):
+    """The points at which the segments of an orbit begin, and one parameter."""
 
+    tolerance, rank = TOLERANCE, MULTIPLIERS
+    place = -1
     until: Budget | None = None  # of the whole walk
 
-    def __init__(self, orbit: PeriodicOrbit, name: str, scale: float, unit: np.ndarray | None = None) -> None:
-        self.map, self.name, self.scale = orbit.map, name, scale
-        self.bounds = (-math.inf, math.inf)  # of the parameter: what it is tried at
+    def __init__(
+        self, orbit: PeriodicOrbit, name: str, scale: float, unit: np.ndarray | None = None,
+        ranges: tuple[float, float] = (-math.inf, math.inf),
+    ) -> None:  # fmt: skip
+        self.map, self.name, self.names, self.scale = orbit.map, name, (name,), scale
+        self.ranges = np.sort(np.array([ranges]))
         self.usual = 0  # steps of solve() that the last orbit took
         self.unit, self.first = unit_along(orbit) if unit is None else unit, orbit.x
         self._take(orbit)
@@ -98,36 +102,42 @@ class Walk:
         """From now on in the segments of this orbit."""
         self.segments = orbit.segments
         self.units = np.tile(self.unit, 1 if orbit.segments is None else len(orbit.segments))
-        self.sizes = _weighted(self.units, self.unit)
+        self.n = self.place = len(self.units)
+        self.sizes = np.append(_weighted(self.units, self.unit), self.scale)
 
-    def value(self, point: Point) -> float:
-        return float(point.u[-1] * self.scale)
-
-    def image(self, u: np.ndarray, known: bool = False):
-        """F, DF (n, n + 1) and the image at u; None where the trajectory does not return or q is not allowed.
-
-        Also where the time is up, but for a `known` orbit.
-        """
+    def equations(
+        self, u: np.ndarray, before: Equations | None = None, known: bool = False
+    ) -> Equations | None:
+        """None where the trajectory does not return, q is not allowed, or the time is up, but for a `known` orbit."""
         value = float(u[-1] * self.scale)
-        if self.late() and not known or not self.bounds[0] <= value <= self.bounds[1]:
+        if not known and (self.late() or not self._tried(value)):
             return None
         try:
             here = self.map.with_parameters({self.name: value})
         except ValueError:  # outside the assumptions of the parameter
             return None
         shooting = here if self.segments is None else Shooting(here, self.segments.cuts)
-        x = u[:-1] * self.sizes
+        x = u[:-1] * self.sizes[:-1]
         with within(Budget() if known else self._trial()):
             image = shooting.image(x, (self.name,))
         if not image.success:
             return None
-        here, F = shooting, image.x - x
-        slope = (image.jacobian - np.eye(len(F))) * self.sizes
+        F = image.x - x
+        slope = (image.jacobian - np.eye(len(F))) * self.sizes[:-1]
         DF = np.column_stack([slope, image.by_parameter[:, 0] * self.scale]) / self.units[:, None]
-        return (here, image, F, DF) if np.isfinite(DF).all() else None
+        if not np.isfinite(DF).all():
+            return None
+        return Equations(F / self.units, DF, relative(shooting, F, x, image), (shooting, image))
+
+    def _tried(self, value: float) -> bool:
+        """Whether orbits are looked for: somewhat beyond the ends, not near to 0, where a drive's period has no end."""
+        low, high = self.ranges[0]
+        more = _MORE * (high - low) if math.isfinite(high - low) else math.inf
+        least = max(low - more, low / 2 if low > 0 else -math.inf)
+        return least <= value <= min(high + more, high / 2 if high < 0 else math.inf)
 
     def late(self) -> bool:
-        """Whether the time of the whole walk is up."""
+        """Whether the time of the whole problem is up."""
         return self.until is not None and self.until.late()
 
     def _trial(self) -> Budget:
@@ -136,12 +146,45 @@ class Walk:
         steps = _TRIAL * max(self.usual, _FEWEST) if self.usual else math.inf
         return Budget(steps, None if seconds is None else max(seconds, 1e-3))
 
+    def size(self, equations: Equations, move: np.ndarray, u: np.ndarray) -> float:
+        return equations.error
+
+    def made(
+        self, u: np.ndarray, equations: Equations, steps: int, tangent: np.ndarray, alone: bool
+    ) -> OrbitPoint:
+        (here, image), x = equations.parts, u[:-1] * self.sizes[:-1]
+        kept = (False, False) if self.segments is None else self.segments.kept
+        orbit = orbit_of(here, x, image, equations.error, steps, True, "continued", kept)
+        tangent[:-1][pinned(image)] = 0.0
+        self.usual = sum(len(run.t) for run in image.runs)
+        return OrbitPoint(u, tangent, steps, alone, orbit, image)
+
+    def settled(self, u: np.ndarray, equations: Equations) -> np.ndarray | None:
+        here, image = equations.parts
+        n, sizes, stays = self.n, self.sizes[: self.n], pinned(image)
+        u[:n][stays] = image.x[stays] / sizes[stays]
+        if (there := self._moved(here, u)) is None:
+            return None
+        u[:n] = onto_section(there, u[:n] * sizes) / sizes
+        return u
+
+    def _moved(self, here: Any, u: np.ndarray) -> Any:
+        """The map on the section at u, which may move with the parameters; None where that is not allowed."""
+        map_: Any = here.map if isinstance(here, Shooting) else here
+        if not (isinstance(map_, Section) and {*self.names} & {*map(str, map_.surface.free_symbols)}):
+            return here
+        values = (u * self.sizes)[self.n : self.n + len(self.names)]
+        try:
+            return here.with_parameters(dict(zip(self.names, map(float, values))))
+        except ValueError:  # outside the assumptions of a parameter
+            return None
+
     def unknowns(self, orbit: PeriodicOrbit) -> np.ndarray:
         """u of an orbit in these segments."""
         x = orbit.x if orbit.segments is None else orbit.segments.nodes.ravel()
-        return np.append(x / self.sizes, value_of(orbit, self.name) / self.scale)
+        return np.append(x, value_of(orbit, self.name)) / self.sizes
 
-    def point(self, orbit: PeriodicOrbit, direction: np.ndarray) -> Point:
+    def point(self, orbit: PeriodicOrbit, direction: np.ndarray) -> OrbitPoint:
         """The point of a converged orbit, with its tangent along `direction` (of all points, or on the section)."""
         self._take(orbit)
         u = self.unknowns(orbit)
@@ -149,55 +192,11 @@ class Walk:
             direction = np.concatenate(
                 [direction[: len(orbit.x)], np.zeros(len(u) - 1 - len(orbit.x)), direction[-1:]]
             )
-        equations = self.image(u, known=True)
+        equations = self.equations(u, known=True)
         assert equations is not None
-        tangent, alone = only_way(equations[3], direction)
-        tangent[:-1][pinned(equations[1])] = 0.0
-        self.usual = sum(len(run.t) for run in equations[1].runs)
-        return Point(u, tangent, orbit, equations[1], 0, alone)
+        return replace(self.reached(u, equations, direction), orbit=orbit)
 
-    def correct(self, guess: np.ndarray, normal: np.ndarray, direction: np.ndarray) -> Point | None:
-        """Newton's method in the plane normal . (u - guess) = 0."""
-        u, last = guess, math.inf
-        for steps in range(_MOST_NEWTON + 1):
-            equations = self.image(u)
-            if equations is None:
-                return None
-            here, image, F, DF = equations
-            x = u[:-1] * self.sizes
-            size = relative(here, F, x, image)
-            if size <= TOLERANCE:
-                kept = (False, False) if self.segments is None else self.segments.kept
-                orbit = orbit_of(here, x, image, size, steps, True, "continued", kept)
-                tangent, alone = only_way(DF, direction)
-                tangent[:-1][pinned(image)] = 0.0
-                self.usual = sum(len(run.t) for run in image.runs)
-                return Point(u, tangent, orbit, image, steps, alone)
-            if size > 10 * last or steps == _MOST_NEWTON:
-                return None
-            last = size
-            right = np.append(-F / self.units, -normal @ (u - guess))
-            step = np.linalg.lstsq(np.vstack([DF, normal]), right, rcond=1e-14)[0]
-            u = u + step
-            stays = pinned(image)
-            u[:-1][stays] = image.x[stays] / self.sizes[stays]
-            if (there := self._moved(here, u)) is None:
-                return None
-            u = np.append(onto_section(there, u[:-1] * self.sizes) / self.sizes, u[-1])
-        return None
-
-    def _moved(self, shooting: Any, u: np.ndarray) -> Any:
-        """The map on the section at u, which may move with the parameter; None where that is not allowed."""
-        map_: Any = self.map
-        if not (isinstance(map_, Section) and self.name in map(str, map_.surface.free_symbols)):
-            return shooting
-        try:
-            there = map_.with_parameters({self.name: float(u[-1] * self.scale)})
-        except ValueError:
-            return None
-        return there if self.segments is None else Shooting(there, self.segments.cuts)
-
-    def rephased(self, here: Point) -> Point:
+    def rephased(self, here: OrbitPoint) -> OrbitPoint:
         """The same orbit on a section at which it slips, where its own one sticks or an event has come near to it."""
         section = here.orbit.map
         here = self.segmented(here)
@@ -213,7 +212,7 @@ class Walk:
         found = moved(part, chosen_parameters(part.system, (self.name,)))
         turned = map_.at_phase(time / period)
         slope = section._period_slope(self.name)
-        along = found.matrix @ (here.tangent[:-1] * self.sizes) + here.tangent[-1] * self.scale * (
+        along = found.matrix @ (here.tangent[:-1] * self.sizes[:-1]) + here.tangent[-1] * self.scale * (
             found.by_parameter[:, 0]
             + found.rates * slope * time / period
             - found.matrix @ found.first_rates * slope * map_.phase
@@ -224,7 +223,7 @@ class Walk:
         self.map = turned
         return self.point(orbit, np.append(along / self.unit, here.tangent[-1]))
 
-    def _rephased_in_segments(self, here: Point) -> Point:
+    def _rephased_in_segments(self, here: OrbitPoint) -> OrbitPoint:
         segments, map_ = here.orbit.segments, here.orbit.map
         assert segments is not None and isinstance(map_, Stroboscopic)
         near, first, last = NEAR * map_.forcing_period, here.image.runs[0], here.image.runs[-1]
@@ -236,7 +235,7 @@ class Walk:
         if not 0 < place < 1 or distance * map_.beat < 2 * near:
             return here
         found = cut(
-            shooting, segments.nodes.ravel(), here.image, way=here.tangent[:-1] * self.sizes,
+            shooting, segments.nodes.ravel(), here.image, way=here.tangent[:-1] * self.sizes[:-1],
             speed=here.tangent[-1] * self.scale, name=self.name, also=place,
         )  # fmt: skip
         if found is None:
@@ -249,12 +248,12 @@ class Walk:
         self.map = turned.map
         return self.point(other, np.append(self._scaled(way), here.tangent[-1]))
 
-    def cut(self, here: Point) -> Point | None:
+    def cut(self, here: OrbitPoint) -> OrbitPoint | None:
         """The same orbit in segments, where deviations grow on the way by more than its multipliers tell."""
         other = here if here.orbit.segments is not None else self.segmented(here, must=True)
         return None if other is here else other
 
-    def segmented(self, here: Point, must: bool = False) -> Point:
+    def segmented(self, here: OrbitPoint, must: bool = False) -> OrbitPoint:
         """The same orbit in other segments, where its own (or one piece) have grown too long or too short."""
         orbit, segments, size = here.orbit, here.orbit.segments, sizes(here.image.runs)
         largest = float(np.abs(orbit.map_multipliers).max(initial=0.0))
@@ -264,7 +263,7 @@ class Walk:
             if (new := _begun(orbit)) is None:
                 return here
             shooting, X, image = new
-            way = np.concatenate([here.tangent[:-1] * self.sizes, np.zeros(len(X) - len(orbit.x))])
+            way = np.concatenate([here.tangent[:-1] * self.sizes[:-1], np.zeros(len(X) - len(orbit.x))])
         else:
             shooting, X, image = Shooting(orbit.map, segments.cuts), segments.nodes.ravel(), here.image
             if not segments.asked and settled(list(segments.matrices), size, largest):
@@ -273,7 +272,7 @@ class Walk:
                     return self.point(whole, here.tangent)
             if not restless(shooting, image, segments.held, self.scale):
                 return here
-            way = here.tangent[:-1] * self.sizes
+            way = here.tangent[:-1] * self.sizes[:-1]
         number = len(segments) if segments is not None and segments.asked else None
         found = cut(
             shooting, X, image, number=number, way=way, speed=here.tangent[-1] * self.scale, name=self.name
@@ -288,17 +287,17 @@ class Walk:
             return here
         return self.point(other, np.append(self._scaled(way), here.tangent[-1]))
 
-    def derivative(self, point: Point) -> np.ndarray:
-        """The derivative of the map at a point, in the units of the walk."""
+    def derivative(self, point: OrbitPoint) -> np.ndarray:
+        """The derivative of the map at a point, in the units of the problem."""
         J = point.image.jacobian
         units = np.tile(self.unit, len(J) // len(self.unit))
         return J * units / units[:, None]
 
     def _scaled(self, way: np.ndarray) -> np.ndarray:
-        """A way of all points at which segments begin, in the units of the walk."""
+        """A way of all points at which segments begin, in the units of the problem."""
         return way / _weighted(np.tile(self.unit, len(way) // len(self.unit)), self.unit)
 
-    def rescaled(self, here: Point) -> Point:
+    def rescaled(self, here: OrbitPoint) -> OrbitPoint:
         """The same point in larger units, where the motion or its way along the branch has become much larger."""
         grown = np.maximum(extents(here.image.runs), np.abs(here.orbit.x - self.first))
         unit = np.maximum(self.unit, [unit_of(size) if size > 0 else 0.0 for size in grown.tolist()])
@@ -306,32 +305,26 @@ class Walk:
             return here
         old, self.unit = self.sizes, unit
         self._take(here.orbit)
-        return self.point(here.orbit, np.append(here.tangent[:-1] * old / self.sizes, here.tangent[-1]))
+        return self.point(here.orbit, here.tangent * old / self.sizes)
 
-    def step(self, here: Point, ds: float) -> Point | None:
-        """One step along the tangent; None if it must be shorter."""
-        there = self.correct(here.u + ds * here.tangent, here.tangent, here.tangent)
-        if there is None or not 0 < np.linalg.norm(there.u - here.u) <= 2 * ds:
-            return None
+    def leads(self, here: Any, there: Any, ds: float) -> bool:
         if ds > _MOVES and _sticks(there) and not _sticks(here):
-            return None  # a shorter step comes near enough to move the section first
+            return False  # a shorter step comes near enough to move the section first
         # Within one itinerary the branch is smooth, and a chord lies along both tangents: one that does not leads to
         # another part of it, or to another branch. Between two itineraries it may have a corner.
         way = there.u - here.u
         along = min(
             there.tangent @ here.tangent, *(p.tangent @ way / np.linalg.norm(way) for p in (here, there))
         )
-        if along < _ALONG and same_itinerary(here.orbit, there.orbit):
-            return None
-        return there
+        return bool(along >= _ALONG) or not same_itinerary(here.orbit, there.orbit)
 
-    def turn(self, here: Point, ds: float) -> Point | None:
+    def turn(self, here: OrbitPoint, ds: float) -> OrbitPoint | None:
         """Around a corner at which the branch turns back: along the tangent of the other side."""
         for reach in (10 * ds, 100 * ds, 1000 * ds):
-            equations = self.image(here.u + reach * here.tangent)
+            equations = self.equations(here.u + reach * here.tangent)
             if equations is None:
                 continue
-            other, _ = only_way(equations[3], here.tangent)
+            other, _ = only_way(equations.DF, here.tangent, self.rank)
             for direction in (other, -other):
                 there = self.correct(here.u + 2 * reach * direction, direction, direction)
                 if there is None or np.linalg.norm(there.u - here.u) > 20 * reach:
@@ -343,13 +336,13 @@ class Walk:
                     return there
         return None
 
-    def why_ended(self, here: Point, ds: float) -> str:
-        where = f"{self.name} = {self.value(here):.10g}"
-        equations = self.image(here.u + 100 * ds * here.tangent)
+    def why_ended(self, here: OrbitPoint, ds: float) -> str:
+        where = self.where(here)
+        equations = self.equations(here.u + 100 * ds * here.tangent)
         if equations is None:
             return f"no orbit beyond {where}: trajectories from there do not return."
-        _, image, F, _ = equations
-        gap = float(np.abs(F).max(initial=0.0))
+        _, image = equations.parts
+        gap = float(np.abs(equations.F * self.units).max(initial=0.0))
         if gap > 1e4 * ds and image.word != here.orbit.word:
             events = " | ".join(kind for _, kind, _ in image.word) or "no events"
             return (
@@ -357,33 +350,6 @@ class Walk:
                 f"{' | '.join(kind for _, kind, _ in here.orbit.word) or 'no events'} to {events}."
             )
         return f"no orbit was found beyond {where} with steps down to {ds:.1g}."
-
-    def at_parameter(self, near: Point, value: float, other: Point | None = None) -> Point | None:
-        """The orbit at a value of the parameter, by the tangent of a point near it or between it and another one."""
-        way = near.tangent if other is None else other.u - near.u
-        normal = np.append(np.zeros(len(near.u) - 1), 1.0)
-        guess = near.u + way * (value / self.scale - near.u[-1]) / way[-1]
-        guess[-1] = value / self.scale
-        return self.correct(guess, normal, near.tangent)
-
-    def along(self, here: Point, there: Point, part: float, near: Point | None = None) -> Point | None:
-        """The point whose projection on the chord is at a part of it: along the tangent of a near one first, or between
-        those of both."""
-        chord = there.u - here.u
-        length = float(np.linalg.norm(chord))
-        normal = chord / length
-        target = here.u + part * chord
-        guesses = [target]
-        if near is not None and abs(slope := near.tangent @ normal) > 0.1:
-            guesses.insert(0, near.u + near.tangent * (normal @ (target - near.u)) / slope)
-        elif near is None and min(here.tangent @ normal, there.tangent @ normal) > 0.5:
-            first, last = (p.tangent * length / (p.tangent @ normal) - chord for p in (here, there))
-            guesses.insert(0, target + part * (1 - part) * ((1 - part) * first - part * last))
-        for guess in guesses:
-            point = self.correct(guess, normal, here.tangent)
-            if point is not None:
-                return point
-        return None
 
 
 def quiet_time(run: Solution, period: float) -> float | None:
@@ -414,26 +380,28 @@ def same_state(one: np.ndarray, other: np.ndarray, unit: np.ndarray) -> bool:
     return bool(np.linalg.norm((one - other) / unit) <= SAME * (1 + np.linalg.norm(other / unit)))
 
 
-def leaves(walk: Walk, begun: np.ndarray, uncertainty: float, point: Point, normal: np.ndarray) -> Point | None:
+def leaves(
+    problem: OrbitProblem, begun: np.ndarray, uncertainty: float, point: OrbitPoint, normal: np.ndarray
+) -> OrbitPoint | None:
     """The point of a branch with a quarter of a point's amplitude, if the branch comes from its beginning to that one.
 
     With half of the amplitude a point is nearer by half, as its parameter is at least.
     """
     for _ in range(2):
-        half = walk.correct(begun + 0.5 * (point.u - begun), normal, normal)
+        half = problem.correct(begun + 0.5 * (point.u - begun), normal, normal)
         if half is None:
             return None
         off, nearer = (float(np.linalg.norm(p.u - begun)) for p in (point, half))
         moved, less = (abs(float(p.u[-1] - begun[-1])) for p in (point, half))
-        if nearer > _NEARER * off or less > _NEARER * moved + 2 * uncertainty / walk.scale:
+        if nearer > _NEARER * off or less > _NEARER * moved + 2 * uncertainty / problem.scale:
             return None
         point = half
     return point
 
 
-def slopes_apart(walk: Walk, one: Point, other: Point) -> float:
+def slopes_apart(problem: OrbitProblem, one: OrbitPoint, other: OrbitPoint) -> float:
     """How much the derivatives of the map at two points differ, relative to 1 or to their size if that is more."""
-    a, b = (walk.derivative(point) for point in (one, other))
+    a, b = (problem.derivative(point) for point in (one, other))
     if a.shape != b.shape:
         return 0.0
     return float(np.abs(a - b).max(initial=0.0)) / max(1.0, np.abs(a).max(initial=0.0))
@@ -454,29 +422,9 @@ def in_other_pieces(orbit: PeriodicOrbit) -> PeriodicOrbit | None:
     return other if other.success and np.isfinite(other.jacobian).all() else None
 
 
-def _sticks(point: Point) -> bool:
+def _sticks(point: OrbitPoint) -> bool:
     """Whether the motion stands on a surface on its section.
 
     It may end so and not begin so: beside a surface, by a rounding, where the map lets go what is held.
     """
     return any(sticks_at_start(run) or run._holds(run.status[:, -1]) for run in point.image.runs)
-
-
-def only_way(DF: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Unit null vector of DF (n, n + 1), to the side of `direction`; whether there is no other one.
-
-    From two bordered systems: singular vectors of 30 segments' equations cost a hundred times as much.
-    """
-    sizes, last = np.linalg.svd(DF, compute_uv=False), np.append(np.zeros(len(DF)), 1.0)
-    border = direction / (np.linalg.norm(direction) or 1.0)
-    try:
-        for _ in range(2):
-            tangent = np.linalg.solve(np.vstack([DF, border]), last)
-            border = tangent / np.linalg.norm(tangent)
-        tangent = border
-    except np.linalg.LinAlgError:  # the direction is across it, or there are others
-        tangent = np.linalg.svd(DF)[2][-1]
-    if not np.isfinite(tangent).all():
-        tangent = np.linalg.svd(DF)[2][-1]
-    tangent = tangent if tangent @ direction >= 0 else -tangent
-    return tangent, bool(sizes[-1] > MULTIPLIERS * max(1.0, sizes[0]))
