@@ -145,7 +145,7 @@ from .surface_rates import (
 # tolerance say so, and it slides to second order from then on. Switchings that accumulate at an instant come to it
 # with fewer.
 _MOST_MINUTE = 10_000
-_OF_A_STEP = 1e-6  # by so much of a step its fit or series may tell zeros of one instant apart
+_OF_A_FIT = 1e-6  # of a step of the pair: by so much its fit may tell zeros of one instant apart
 
 
 @kernel
@@ -684,16 +684,14 @@ def _note_what_is_met(P, C, S, W):
     """Overwrites instant.hit, known zeros of S and instant.came; states that are surfaces are put on them."""
     instant = W.instant
     m, ne, status, elapsed = P.m, P.ne, S.status, instant.elapsed
-    within, told, late = max(at_once_within(S.t, W.step.length), AT_ONCE * elapsed), _OF_A_STEP * elapsed, 0.0
-    close = False
-    for i in range(m + ne):
-        later = (W.meeting.tau[i] - instant.met) * W.step.length
-        close = close or (W.meeting.tau[i] <= 1.0 and within < later <= told)
-    if close:
+    within, told, late = max(at_once_within(S.t, W.step.length), AT_ONCE * elapsed), 0.0, 0.0
+    if W.step.kind == PAIR:
         evaluate_surfaces(P, S, W)
-    for i in range(m + ne if close and W.step.kind == PAIR else 0):
-        first = W.meeting.tau[i] <= 1.0 and (W.meeting.tau[i] - instant.met) * W.step.length <= within
-        late = min(max(late, late_by(P, W, i)), told) if first else late
+        told = _OF_A_FIT * elapsed
+        for i in range(m + ne):
+            first = W.meeting.tau[i] <= 1.0 and (W.meeting.tau[i] - instant.met) * W.step.length <= within
+            late = max(late, late_by(P, W, i)) if first else late
+        late = min(late, told)
     for i in range(m + ne):
         later = (W.meeting.tau[i] - instant.met) * W.step.length
         instant.hit[i] = W.meeting.tau[i] <= 1.0 and later <= max(within, told)
